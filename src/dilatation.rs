@@ -1,0 +1,79 @@
+//! The dilatations of one Jacobian (paper eq. 4-8).
+
+use serde::Serialize;
+
+use crate::linalg::svd;
+use crate::mesh::Mat3;
+
+/// Inner and outer dilatation of an orientation-preserving linear map; both scale-free ratios in `[1, inf]`.
+///
+/// With singular values s1 >= s2 >= s3 > 0: `inner = s1 s2 / s3^2`, `outer = s1^2 / (s2 s3)`. Both are 1 exactly for
+/// similarities, invariant under similarities on either side, exchanged by inversion of the map, and with
+/// H = s1 / s3: `inner * outer = H^3`, `H^(3/2) <= max(inner, outer) <= H^2` (bounds.md §0).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Dilatation {
+    /// K_I.
+    pub inner: f64,
+    /// K_O.
+    pub outer: f64,
+}
+
+impl Dilatation {
+    /// The dilatation of a map that does not preserve orientation or is singular: infinite.
+    pub const FLIPPED: Self = Self { inner: f64::INFINITY, outer: f64::INFINITY };
+
+    /// The dilatations of the linear map `jacobian`: [`Dilatation::FLIPPED`] where its determinant is not positive, and
+    /// growing without bound as det -> 0.
+    pub fn of(jacobian: &Mat3) -> Self {
+        let [s1, s2, s3] = svd(jacobian).values;
+        if s3 <= 0.0 {
+            return Self::FLIPPED;
+        }
+        Self { inner: (s1 / s3) * (s2 / s3), outer: (s1 / s2) * (s1 / s3) }
+    }
+
+    /// K = max(K_I, K_O).
+    pub fn k(self) -> f64 {
+        self.inner.max(self.outer)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn matrix() -> impl Strategy<Value = Mat3> {
+        prop::array::uniform9(-1.0..1.0f64)
+            .prop_map(|entries| Mat3::from_row_slice(&entries))
+            .prop_filter("well-conditioned and positive", |m| m.determinant() > 1e-3)
+    }
+
+    proptest! {
+        #[test]
+        fn identities(a in matrix()) {
+            let d = Dilatation::of(&a);
+            let s = svd(&a).values;
+            let h = s[0] / s[2];
+            // Condition up to about 1e4 for det > 1e-3, so relative errors stay near 1e4 * eps = 2e-12.
+            let close = |x: f64, y: f64| (x - y).abs() <= 1e-10 * y;
+            prop_assert!(close(d.inner * d.outer, h.powi(3)));
+            prop_assert!(d.k() >= h.powf(1.5) * (1.0 - 1e-10) && d.k() <= h * h * (1.0 + 1e-10));
+            prop_assert!(d.outer <= d.inner.powi(2) * (1.0 + 1e-10) && d.inner <= d.outer.powi(2) * (1.0 + 1e-10));
+            let inverse = Dilatation::of(&a.try_inverse().unwrap());
+            prop_assert!(close(inverse.inner, d.outer) && close(inverse.outer, d.inner));
+            let turned = Dilatation::of(&(nalgebra::Rotation3::from_euler_angles(0.1, 0.2, 0.3) * a * 7.5));
+            prop_assert!(close(turned.inner, d.inner) && close(turned.outer, d.outer));
+        }
+    }
+
+    #[test]
+    fn closed_forms() {
+        let d = Dilatation::of(&Mat3::from_diagonal(&nalgebra::Vector3::new(1.0, 4.0, 2.0)));
+        assert_eq!((d.inner, d.outer), (8.0, 8.0));
+        assert_eq!(Dilatation::of(&Mat3::identity()), Dilatation { inner: 1.0, outer: 1.0 });
+        let mirror = Mat3::from_diagonal(&nalgebra::Vector3::new(1.0, 1.0, -1.0));
+        assert_eq!(Dilatation::of(&mirror), Dilatation::FLIPPED);
+        assert_eq!(Dilatation::of(&Mat3::zeros()), Dilatation::FLIPPED);
+    }
+}

@@ -1,0 +1,87 @@
+//! The domain of a map: a mesh that is a topological ball, with its reference operators.
+
+use crate::mesh::{Boundary, Mat3, TetId, TetMesh, TopologyError, Vec3, VertexId};
+
+/// A tetrahedral mesh of a topological ball with what every stage needs of it; images are positions on its connectivity.
+#[derive(Clone, Debug)]
+pub struct Domain {
+    mesh: TetMesh,
+    boundary: Boundary,
+    inverse_edges: Vec<Mat3>,
+    volumes: Vec<f64>,
+}
+
+impl Domain {
+    /// Takes a mesh that must be a ball.
+    ///
+    /// # Errors
+    /// Why the mesh is not a topological ball.
+    pub fn new(mesh: TetMesh) -> Result<Self, TopologyError> {
+        let boundary = Boundary::of(&mesh)?;
+        boundary.check_ball(&mesh)?;
+        Ok(Self::with_boundary(mesh, boundary))
+    }
+
+    /// Takes a mesh of any topology, for measuring maps between meshes that are not balls.
+    ///
+    /// # Errors
+    /// A triangle that belongs to three or more tets.
+    pub fn any_topology(mesh: TetMesh) -> Result<Self, TopologyError> {
+        let boundary = Boundary::of(&mesh)?;
+        Ok(Self::with_boundary(mesh, boundary))
+    }
+
+    fn with_boundary(mesh: TetMesh, boundary: Boundary) -> Self {
+        let (inverse_edges, volumes) = (0..mesh.tets().len() as u32)
+            .map(|tet| {
+                let edges = edge_matrix(mesh.corners(TetId(tet)));
+                let determinant = edges.determinant();
+                // Positive by exact predicate; the rounded determinant of a needle may still vanish, and K is then
+                // infinite rather than NaN.
+                (edges.try_inverse().unwrap_or_else(|| Mat3::from_element(f64::INFINITY)), determinant / 6.0)
+            })
+            .unzip();
+        Self { mesh, boundary, inverse_edges, volumes }
+    }
+
+    /// The mesh.
+    pub fn mesh(&self) -> &TetMesh {
+        &self.mesh
+    }
+
+    /// The boundary of the mesh.
+    pub fn boundary(&self) -> &Boundary {
+        &self.boundary
+    }
+
+    /// The volume of each tet, in the domain's units cubed.
+    pub fn volumes(&self) -> &[f64] {
+        &self.volumes
+    }
+
+    /// The inverse of each tet's edge matrix `[x1 - x0, x2 - x0, x3 - x0]`: the reference gradient operator
+    /// (rows are the gradients of the barycentric coordinates 1, 2, 3; 1 / length).
+    pub fn inverse_edges(&self) -> &[Mat3] {
+        &self.inverse_edges
+    }
+
+    /// The Jacobian of the piecewise-linear map that takes the mesh's vertices to `image`, on one tet.
+    pub fn jacobian(&self, tet: TetId, image: &[Vec3]) -> Mat3 {
+        let corners = self.mesh.tets()[tet.index()].map(|v: VertexId| image[v.index()]);
+        edge_matrix(corners) * self.inverse_edges[tet.index()]
+    }
+
+    /// The tets all of whose vertices lie on the boundary: with a fixed boundary nothing can change their dilatation.
+    pub fn locked_tets(&self) -> impl Iterator<Item = TetId> + '_ {
+        (0..)
+            .map(TetId)
+            .zip(self.mesh.tets())
+            .filter(|(_, tet)| tet.iter().all(|&v| self.boundary.contains(v)))
+            .map(|(id, _)| id)
+    }
+}
+
+/// The edges `[x1 - x0, x2 - x0, x3 - x0]` as columns.
+pub fn edge_matrix([x0, x1, x2, x3]: [Vec3; 4]) -> Mat3 {
+    Mat3::from_columns(&[x1 - x0, x2 - x0, x3 - x0])
+}

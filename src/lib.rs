@@ -1,0 +1,20 @@
+//! Low-dilatation parameterizations of solids onto the unit ball.
+#![allow(missing_docs)]
+
+pub mod linalg;
+
+pub mod dilatation;
+
+pub mod mesh;
+
+pub mod domain;
+
+pub mod measure;
+
+pub mod optimize;
+
+pub mod bound;
+
+pub use dilatation::Dilatation;
+pub use domain::Domain;
+pub use mesh::{TetId, TetMesh, VertexId};

@@ -1,0 +1,235 @@
+//! The boundary of a tetrahedral mesh, and whether the mesh is a topological ball.
+
+use std::collections::HashMap;
+
+use super::{TetId, TetMesh, VertexId};
+
+/// Why a tetrahedral mesh is not a topological ball.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum TopologyError {
+    /// Three or more tets share one triangle.
+    #[error("the triangle {face:?} belongs to {count} tets; a mesh of a solid has at most two at a triangle")]
+    OverusedFace {
+        /// The triangle's vertices.
+        face: [u32; 3],
+        /// How many tets share it.
+        count: usize,
+    },
+    /// An edge of the boundary surface does not lie in exactly two boundary triangles.
+    #[error(
+        "the boundary is not a manifold surface at the edge {edge:?}: {count} boundary triangles meet there instead of two"
+    )]
+    BoundaryEdge {
+        /// The edge's vertices.
+        edge: [u32; 2],
+        /// How many boundary triangles meet there.
+        count: usize,
+    },
+    /// A vertex lies in no tet.
+    #[error("vertex {vertex} belongs to no tet; remove it")]
+    UnusedVertex {
+        /// The vertex.
+        vertex: u32,
+    },
+    /// The tets fall apart into several face-connected pieces.
+    #[error("the mesh has {count} pieces that are not joined through triangles; keep one")]
+    Disconnected {
+        /// Number of face-connected pieces.
+        count: usize,
+    },
+    /// The boundary or the whole has the wrong Euler characteristic.
+    #[error(
+        "the mesh is not a ball: Euler characteristic {solid} (a ball has 1), of its boundary {boundary} (a sphere has 2); \
+         handles, cavities or pinched vertices are the usual cause"
+    )]
+    NotABall {
+        /// Euler characteristic of the mesh.
+        solid: i64,
+        /// Euler characteristic of its boundary.
+        boundary: i64,
+    },
+}
+
+/// The boundary surface of a tetrahedral mesh.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Boundary {
+    triangles: Vec<[VertexId; 3]>,
+    owners: Vec<TetId>,
+    contains: Vec<bool>,
+}
+
+impl Boundary {
+    /// Collects the triangles that belong to one tet only, in the order of the tets.
+    ///
+    /// # Errors
+    /// [`TopologyError::OverusedFace`] where three or more tets share a triangle.
+    pub fn of(mesh: &TetMesh) -> Result<Self, TopologyError> {
+        let mut uses: HashMap<[u32; 3], usize> = HashMap::with_capacity(2 * mesh.tets().len());
+        for tet in mesh.tets() {
+            for face in TetMesh::FACES {
+                *uses.entry(sorted(face.map(|i| tet[i].0))).or_default() += 1;
+            }
+        }
+        let (mut triangles, mut owners) = (Vec::new(), Vec::new());
+        let mut contains = vec![false; mesh.points().len()];
+        for (index, tet) in mesh.tets().iter().enumerate() {
+            for face in TetMesh::FACES {
+                let triangle = face.map(|i| tet[i]);
+                let key = sorted(triangle.map(|v| v.0));
+                match uses[&key] {
+                    1 => {
+                        triangle.iter().for_each(|v| contains[v.index()] = true);
+                        triangles.push(triangle);
+                        owners.push(TetId(index as u32));
+                    }
+                    2 => {}
+                    count => return Err(TopologyError::OverusedFace { face: key, count }),
+                }
+            }
+        }
+        Ok(Self { triangles, owners, contains })
+    }
+
+    /// Boundary triangles, counter-clockwise seen from outside.
+    pub fn triangles(&self) -> &[[VertexId; 3]] {
+        &self.triangles
+    }
+
+    /// The one tet of each boundary triangle, in the order of [`Boundary::triangles`].
+    pub fn owners(&self) -> &[TetId] {
+        &self.owners
+    }
+
+    /// Whether a vertex lies on the boundary.
+    pub fn contains(&self, vertex: VertexId) -> bool {
+        self.contains[vertex.index()]
+    }
+
+    /// For each vertex, whether it lies on the boundary.
+    pub fn vertex_mask(&self) -> &[bool] {
+        &self.contains
+    }
+
+    /// Checks that the mesh is face-connected, its boundary a closed manifold sphere, and both Euler characteristics
+    /// are those of a ball.
+    ///
+    /// Necessary for a ball, and sufficient up to knotted or exotic interiors that no mesher of a solid produces.
+    ///
+    /// # Errors
+    /// The first condition that fails, with the place.
+    pub fn check_ball(&self, mesh: &TetMesh) -> Result<(), TopologyError> {
+        let mut used = vec![false; mesh.points().len()];
+        let mut edges: Vec<[u32; 2]> = Vec::with_capacity(6 * mesh.tets().len());
+        let mut faces: Vec<([u32; 3], u32)> = Vec::with_capacity(4 * mesh.tets().len());
+        for (index, tet) in mesh.tets().iter().enumerate() {
+            for i in 0..4 {
+                used[tet[i].index()] = true;
+                for j in 0..i {
+                    edges.push([tet[i].0.min(tet[j].0), tet[i].0.max(tet[j].0)]);
+                }
+                faces.push((sorted(TetMesh::FACES[i].map(|l| tet[l].0)), index as u32));
+            }
+        }
+        if let Some(vertex) = used.iter().position(|used| !used) {
+            return Err(TopologyError::UnusedVertex { vertex: vertex as u32 });
+        }
+        faces.sort_unstable();
+        let mut pieces = DisjointSets::new(mesh.tets().len());
+        for pair in faces.windows(2).filter(|pair| pair[0].0 == pair[1].0) {
+            pieces.join(pair[0].1, pair[1].1);
+        }
+        if pieces.count() > 1 {
+            return Err(TopologyError::Disconnected { count: pieces.count() });
+        }
+        edges.sort_unstable();
+        edges.dedup();
+        let face_count = (faces.len() + self.triangles.len()) / 2;
+        let solid = mesh.points().len() as i64 - edges.len() as i64 + face_count as i64 - mesh.tets().len() as i64;
+
+        let mut rim: HashMap<[u32; 2], usize> = HashMap::new();
+        for triangle in &self.triangles {
+            for i in 0..3 {
+                let (a, b) = (triangle[i].0, triangle[(i + 1) % 3].0);
+                *rim.entry([a.min(b), a.max(b)]).or_default() += 1;
+            }
+        }
+        if let Some((&edge, &count)) = rim.iter().filter(|&(_, &count)| count != 2).min() {
+            return Err(TopologyError::BoundaryEdge { edge, count });
+        }
+        let on_boundary = self.contains.iter().filter(|&&on| on).count();
+        let boundary = on_boundary as i64 - rim.len() as i64 + self.triangles.len() as i64;
+        if solid != 1 || boundary != 2 {
+            return Err(TopologyError::NotABall { solid, boundary });
+        }
+        Ok(())
+    }
+}
+
+fn sorted(mut face: [u32; 3]) -> [u32; 3] {
+    face.sort_unstable();
+    face
+}
+
+/// Union-find over `0..n`, path halving.
+pub(crate) struct DisjointSets {
+    parent: Vec<u32>,
+    count: usize,
+}
+
+impl DisjointSets {
+    pub(crate) fn new(n: usize) -> Self {
+        Self { parent: (0..n as u32).collect(), count: n }
+    }
+
+    pub(crate) fn root(&mut self, mut a: u32) -> u32 {
+        while self.parent[a as usize] != a {
+            let grandparent = self.parent[self.parent[a as usize] as usize];
+            self.parent[a as usize] = grandparent;
+            a = grandparent;
+        }
+        a
+    }
+
+    pub(crate) fn join(&mut self, a: u32, b: u32) {
+        let (a, b) = (self.root(a), self.root(b));
+        if a != b {
+            // The smaller index stays root, so that the result does not depend on the order of joins.
+            self.parent[a.max(b) as usize] = a.min(b);
+            self.count -= 1;
+        }
+    }
+
+    pub(crate) fn count(&self) -> usize {
+        self.count
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::Vec3;
+
+    fn two_tets(apex: u32) -> TetMesh {
+        let points = vec![Vec3::zeros(), Vec3::x(), Vec3::y(), Vec3::z(), -Vec3::z()];
+        let tets = vec![[0, 1, 2, 3].map(VertexId), [0, 2, 1, apex].map(VertexId)];
+        TetMesh::new(points, tets).unwrap()
+    }
+
+    #[test]
+    fn two_tets_at_a_face_are_a_ball() {
+        let mesh = two_tets(4);
+        let boundary = Boundary::of(&mesh).unwrap();
+        assert_eq!(boundary.triangles().len(), 6);
+        boundary.check_ball(&mesh).unwrap();
+    }
+
+    #[test]
+    fn tets_that_share_only_a_vertex_are_refused() {
+        let mut points = vec![Vec3::zeros(), Vec3::x(), Vec3::y(), Vec3::z()];
+        points.extend([-Vec3::x(), -Vec3::y(), -Vec3::z()]);
+        let tets = vec![[0, 1, 2, 3].map(VertexId), [0, 5, 4, 6].map(VertexId)];
+        let mesh = TetMesh::from_either_orientation(points, tets).unwrap().0;
+        let boundary = Boundary::of(&mesh).unwrap();
+        assert_eq!(boundary.check_ball(&mesh), Err(TopologyError::Disconnected { count: 2 }));
+    }
+}

@@ -1,0 +1,60 @@
+//! Tetrahedral meshes, the polygon soups that surface files hold, their topology and their files.
+
+mod boundary;
+pub mod io;
+mod tet_mesh;
+
+pub use boundary::{Boundary, TopologyError};
+pub use tet_mesh::{MeshError, Orientation, TetMesh, orientation};
+
+use serde::Serialize;
+
+/// A point or vector of three-space.
+pub type Vec3 = nalgebra::Vector3<f64>;
+/// A 3x3 matrix.
+pub type Mat3 = nalgebra::Matrix3<f64>;
+
+/// Index of a vertex, counted from 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
+#[serde(transparent)]
+pub struct VertexId(pub u32);
+
+/// Index of a tetrahedron, counted from 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
+#[serde(transparent)]
+pub struct TetId(pub u32);
+
+/// Index of a triangle of a surface, counted from 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
+#[serde(transparent)]
+pub struct TriangleId(pub u32);
+
+impl VertexId {
+    /// The position in a vector that holds one entry a vertex.
+    pub fn index(self) -> usize {
+        self.0 as usize
+    }
+}
+
+impl TetId {
+    /// The position in a vector that holds one entry a tet.
+    pub fn index(self) -> usize {
+        self.0 as usize
+    }
+}
+
+impl TriangleId {
+    /// The position in a vector that holds one entry a triangle.
+    pub fn index(self) -> usize {
+        self.0 as usize
+    }
+}
+
+/// Points and polygons as a surface file holds them: nothing is checked but that indices are in range.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PolygonSoup {
+    /// Vertex positions.
+    pub points: Vec<Vec3>,
+    /// Polygons of three or more vertices each, counter-clockwise seen from outside if the file is in order.
+    pub polygons: Vec<Vec<VertexId>>,
+}
