@@ -11,6 +11,8 @@ pub mod domain;
 
 pub mod measure;
 
+pub mod objective;
+
 pub mod optimize;
 
 pub mod bound;
