@@ -151,15 +151,15 @@ impl<'d> Assembly<'d> {
         total.is_finite().then_some(total)
     }
 
-    /// Fills the Newton system with the positive semidefinite Hessian and returns the gradient (three entries an
+    /// Fills the Newton system with the Hessian, its elements' negative curvature multiplied by `negative`, and returns the gradient (three entries an
     /// unknown); `None` if a tet is flipped or the energy infinite.
-    pub fn linearize<E: TetEnergy>(&mut self, energy: &E, image: &[Vec3]) -> Option<Vec<f64>> {
+    pub fn linearize<E: TetEnergy>(&mut self, energy: &E, image: &[Vec3], negative: f64) -> Option<Vec<f64>> {
         let elements: Vec<Option<ElementDerivatives>> = (0..self.domain.mesh().tets().len())
             .into_par_iter()
             .with_min_len(CHUNK)
             .map(|t| {
                 let jacobian = self.domain.jacobian(TetId(t as u32), image);
-                ElementDerivatives::new(energy, &jacobian, &self.domain.inverse_edges()[t])
+                ElementDerivatives::new(energy, &jacobian, &self.domain.inverse_edges()[t], negative)
             })
             .collect();
         let elements: Vec<ElementDerivatives> = elements.into_iter().collect::<Option<_>>()?;

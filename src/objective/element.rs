@@ -35,14 +35,11 @@ impl ElementDerivatives {
 
     /// The derivatives at the Jacobian `jacobian = edges(image) * inverse_edges`; `None` where the energy is infinite.
     ///
-    /// The Hessian is that of the energy with the negative eigenvalues of its scaling block, twist and flip modes
-    /// replaced by zero. As det -> 0 it grows without bound.
-    pub fn new<E: TetEnergy>(energy: &E, jacobian: &Mat3, inverse_edges: &Mat3) -> Option<Self> {
-        Self::with_floor(energy, jacobian, inverse_edges, 0.0)
-    }
-
-    /// As [`ElementDerivatives::new`], eigenvalues below `floor` replaced by it: the true Hessian for minus infinity.
-    fn with_floor<E: TetEnergy>(energy: &E, jacobian: &Mat3, inverse_edges: &Mat3, floor: f64) -> Option<Self> {
+    /// The Hessian's negative curvature, mode by mode, is multiplied by `negative` in [0, 1]: 1 gives the true Hessian, 0 a
+    /// positive semidefinite one. The scalings' block is split into the convex part in ln s and the part that stems from
+    /// the curvature of ln. As det -> 0 the Hessian grows without bound.
+    pub fn new<E: TetEnergy>(energy: &E, jacobian: &Mat3, inverse_edges: &Mat3, negative: f64) -> Option<Self> {
+        let damp = |curvature: f64| if curvature < 0.0 { negative * curvature } else { curvature };
         let Svd { left, values: s, right } = svd(jacobian);
         let logs = centred_logs(s)?;
         if !logs.iter().all(|&l| energy.value(l).is_finite()) {
@@ -61,25 +58,24 @@ impl ElementDerivatives {
             for j in 0..3 {
                 let mut entry = sum_second / 9.0 - (second[i] + second[j]) / 3.0;
                 if i == j {
-                    entry += second[i] + (mean_first - first[i]).max(floor);
+                    entry += second[i] + damp(mean_first - first[i]);
                 }
                 scaling[(i, j)] = entry / (s[i] * s[j]);
             }
         }
-        let scaling_psd = scaling;
         // For each pair of axes (i, j): the Hessian on (M_ij, M_ji) is [[same, cross], [cross, same]].
         let mut off_diagonal = [[0.0; 2]; 3];
         for (mode, (i, j)) in [(0, 1), (0, 2), (1, 2)].into_iter().enumerate() {
-            let twist = ((slope[i] + slope[j]) / (s[i] + s[j])).max(floor);
+            let twist = damp((slope[i] + slope[j]) / (s[i] + s[j]));
             let difference = s[i] - s[j];
             // The quotient tends to the difference of the scaling block's entries as the two values meet; below 1e-7
             // relative the limit is the more accurate of the two.
             let flip = if difference > 1e-7 * s[i] {
                 (slope[i] - slope[j]) / difference
             } else {
-                scaling[(i, i)] - scaling[(i, j)]
+                (second[i] + mean_first - first[i]) / (s[i] * s[j])
             };
-            let flip = flip.max(floor);
+            let flip = damp(flip);
             off_diagonal[mode] = [0.5 * (flip + twist), 0.5 * (flip - twist)];
         }
 
@@ -93,7 +89,7 @@ impl ElementDerivatives {
         ];
         let block = |v: usize, w: usize| {
             let (a, b) = (&weights[v], &weights[w]);
-            let mut inner = scaling_psd.component_mul(&(a * b.transpose()));
+            let mut inner = scaling.component_mul(&(a * b.transpose()));
             for (mode, (i, j)) in [(0, 1), (0, 2), (1, 2)].into_iter().enumerate() {
                 let [same, cross] = off_diagonal[mode];
                 inner[(i, i)] += same * a[j] * b[j];
@@ -116,16 +112,6 @@ pub(super) fn gradient_from(left: Mat3, s: [f64; 3], right: Mat3, inverse_edges:
     [-(g1 + g2 + g3), g1, g2, g3]
 }
 
-/// The matrix with eigenvalues below `floor` replaced by it.
-fn clamp_eigenvalues(matrix: &Mat3, floor: f64) -> Mat3 {
-    let eigen = matrix.symmetric_eigen();
-    if eigen.eigenvalues.iter().all(|&value| value >= floor) {
-        return *matrix;
-    }
-    let clamped = Mat3::from_diagonal(&eigen.eigenvalues.map(|value| value.max(floor)));
-    eigen.eigenvectors * clamped * eigen.eigenvectors.transpose()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -143,7 +129,7 @@ mod tests {
     fn check<E: TetEnergy>(energy: &E, image: [Vec3; 4]) {
         let rest = [Vec3::zeros(), Vec3::new(1.0, 0.1, 0.0), Vec3::new(0.2, 1.1, -0.1), Vec3::new(0.1, 0.0, 0.9)];
         let inverse = edges(&rest).try_inverse().unwrap();
-        let at = |x: &[Vec3; 4]| ElementDerivatives::new(energy, &(edges(x) * inverse), &inverse).unwrap();
+        let at = |x: &[Vec3; 4]| ElementDerivatives::new(energy, &(edges(x) * inverse), &inverse, 0.0).unwrap();
         let derivatives = at(&image);
         let scale = derivatives.gradient.iter().map(|g| g.norm()).fold(0.0, f64::max).max(1e-3);
         for vertex in 0..4 {
@@ -182,8 +168,8 @@ mod tests {
         let inverse = Mat3::identity();
         let image = bent();
         let jacobian = edges(&image) * inverse;
-        let exact = ElementDerivatives::with_floor(&energy, &jacobian, &inverse, f64::NEG_INFINITY).unwrap();
-        let projected = ElementDerivatives::new(&energy, &jacobian, &inverse).unwrap();
+        let exact = ElementDerivatives::new(&energy, &jacobian, &inverse, 1.0).unwrap();
+        let projected = ElementDerivatives::new(&energy, &jacobian, &inverse, 0.0).unwrap();
         for seed in 0..20 {
             let direction: [Vec3; 4] =
                 std::array::from_fn(|v| Vec3::from_fn(|r, _| ((seed * 12 + v * 3 + r) as f64 * 1.618).sin()));

@@ -32,7 +32,8 @@ pub(super) fn soft_max_phase(
     loop {
         let Some(largest) = assembly.largest_log(image) else { return PhaseEnd::NoProgress };
         let energy = SoftMax::new(exponent, largest);
-        let (Some(sum), Some(gradient)) = (assembly.value(&energy, image), assembly.linearize(&energy, image)) else {
+        let (Some(sum), Some(gradient)) = (assembly.value(&energy, image), assembly.linearize(&energy, image, 0.0))
+        else {
             return PhaseEnd::NoProgress;
         };
         let Some(direction) = newton_direction(assembly, &gradient) else { return PhaseEnd::NoProgress };
