@@ -7,6 +7,8 @@ pub mod dilatation;
 
 pub mod mesh;
 
+pub mod solid;
+
 pub mod domain;
 
 pub mod measure;

@@ -4,6 +4,7 @@ mod boundary;
 pub mod io;
 mod tet_mesh;
 
+pub(crate) use boundary::DisjointSets;
 pub use boundary::{Boundary, TopologyError};
 pub use tet_mesh::{MeshError, Orientation, TetMesh, orientation};
 
