@@ -2,6 +2,8 @@
 
 use serde::Serialize;
 
+pub use crate::mesh::Place;
+
 /// Which dilatation a bound holds for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub enum Kind {
@@ -28,18 +30,6 @@ pub enum Scope {
     /// Piecewise-linear maps of this mesh with these boundary positions ([PL-fix]): the scope of what we measure.
     #[serde(rename = "PL maps of this mesh with this boundary")]
     MeshFixedBoundary,
-}
-
-/// The place where a bound is attained or cells are active.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-#[serde(tag = "kind", rename_all = "lowercase")]
-pub enum Place {
-    /// A vertex of the domain.
-    Vertex { vertex: u32, position: [f64; 3] },
-    /// An edge of the domain between two vertices.
-    Edge { vertices: [u32; 2], midpoint: [f64; 3] },
-    /// A boundary triangle of the domain.
-    Face { vertices: [u32; 3], centroid: [f64; 3] },
 }
 
 /// A lower bound.

@@ -1,11 +1,20 @@
 //! Tetrahedral meshes, the polygon soups that surface files hold, their topology and their files.
 
+pub mod angle;
 mod boundary;
+mod boundary_edges;
+mod features;
+#[cfg(test)]
+pub(crate) mod fixtures;
 pub mod io;
+mod place;
 mod tet_mesh;
 
 pub(crate) use boundary::DisjointSets;
 pub use boundary::{Boundary, TopologyError};
+pub use boundary_edges::{BoundaryEdge, BoundaryEdges};
+pub use features::Features;
+pub use place::Place;
 pub use tet_mesh::{MeshError, Orientation, TetMesh, orientation};
 
 use serde::Serialize;
