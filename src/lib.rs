@@ -11,6 +11,8 @@ pub mod solid;
 
 pub mod domain;
 
+pub mod map;
+
 pub mod measure;
 
 pub mod objective;

@@ -48,7 +48,8 @@ pub fn bijectivity(domain: &Domain, image: &[Vec3]) -> Bijectivity {
     }
     Bijectivity {
         bijective: true,
-        reason: "every tet is positively oriented by exact predicate and the boundary image is star-shaped about 0".into(),
+        reason: "every tet is positively oriented by exact predicate and the boundary image is star-shaped about 0"
+            .into(),
     }
 }
 

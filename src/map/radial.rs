@@ -37,7 +37,9 @@ pub fn radial_dilatation(theta: f64) -> f64 {
 
 /// A ray from the centre that meets no triangle of the surface.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("the ray from the centre through point {point} meets no triangle: the surface is not star-shaped about the centre")]
+#[error(
+    "the ray from the centre through point {point} meets no triangle: the surface is not star-shaped about the centre"
+)]
 pub struct RayError {
     /// Index of the point.
     pub point: usize,
@@ -66,9 +68,8 @@ impl RadialCoordinates {
 /// [`RayError`] if a ray misses the surface by more than rounding.
 pub fn by_ray_casting(surface: &Surface, centre: Vec3, points: &[Vec3]) -> Result<Vec<RadialCoordinates>, RayError> {
     let size = surface.points().iter().map(|p| (p - centre).amax()).fold(0.0, f64::max);
-    let mut cones: Vec<Cone> = (0..surface.triangles().len() as u32)
-        .map(|t| Cone::new(surface, centre, TriangleId(t), 1e-9 * size))
-        .collect();
+    let mut cones: Vec<Cone> =
+        (0..surface.triangles().len() as u32).map(|t| Cone::new(surface, centre, TriangleId(t), 1e-9 * size)).collect();
     let hierarchy = Bvh::build(&mut cones);
     points
         .par_iter()

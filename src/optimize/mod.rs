@@ -173,7 +173,7 @@ fn continuation(
     settings: &OptimizeSettings,
     recorder: &mut Recorder<'_>,
 ) -> PhaseEnd {
-    let mut phase =
+    let phase =
         |assembly: &mut Assembly<'_>, image: &mut Vec<Vec3>, exponent, tolerance, recorder: &mut Recorder<'_>| {
             match settings.engine {
                 Engine::Newton => newton::soft_max_phase(assembly, image, exponent, tolerance, recorder),

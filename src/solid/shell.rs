@@ -312,12 +312,8 @@ mod tests {
     fn bisection_reaches_the_length_and_the_count_and_keeps_the_volume() {
         let surface = Solid::Dodecahedron.surface().unwrap();
         let refined = |refinement| {
-            shell_mesh(
-                &surface,
-                Vec3::zeros(),
-                &ShellSettings { refinement: Some(refinement), ..settings(1, 3) },
-            )
-            .unwrap()
+            shell_mesh(&surface, Vec3::zeros(), &ShellSettings { refinement: Some(refinement), ..settings(1, 3) })
+                .unwrap()
         };
         let fine = refined(Refinement::EdgeLength(0.25));
         for triangle in fine.surface.triangles() {
@@ -351,9 +347,6 @@ mod tests {
         ] {
             assert!(matches!(shell_mesh(&surface, Vec3::zeros(), &bad), Err(ShellError::Settings(_))));
         }
-        assert!(matches!(
-            shell_mesh(&surface, Vec3::zeros(), &settings(100_000, 1)),
-            Err(ShellError::TooLarge { .. })
-        ));
+        assert!(matches!(shell_mesh(&surface, Vec3::zeros(), &settings(100_000, 1)), Err(ShellError::TooLarge { .. })));
     }
 }
