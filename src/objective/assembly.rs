@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::element::{ElementDerivatives, centred_logs, gradient_from};
 use super::{Barrier, TetEnergy};
 use crate::domain::Domain;
-use crate::linalg::{BlockCholesky, SparseError, Svd, svd};
+use crate::linalg::{BlockCholesky, SparseError, svd};
 use crate::mesh::{TetId, Vec3};
 
 /// Tets a parallel task works on at once; fixed, so that partial sums do not depend on the number of threads.
@@ -139,10 +139,7 @@ impl<'d> Assembly<'d> {
             .map(|chunk| {
                 let mut sum = 0.0;
                 for t in chunk * CHUNK..((chunk + 1) * CHUNK).min(count) {
-                    let Some(logs) = centred_logs(svd(&self.domain.jacobian(TetId(t as u32), image)).values) else {
-                        return f64::INFINITY;
-                    };
-                    sum += logs.iter().map(|&l| energy.value(l)).sum::<f64>();
+                    sum += energy.value(svd(&self.domain.jacobian(TetId(t as u32), image)).values);
                 }
                 sum
             })
@@ -186,14 +183,18 @@ impl<'d> Assembly<'d> {
         Some(gradient)
     }
 
-    /// The gradient of an energy; `None` if a tet is flipped or the energy infinite.
+    /// The gradient of an energy; `None` if it is infinite.
     pub fn gradient<E: TetEnergy>(&self, energy: &E, image: &[Vec3]) -> Option<Vec<f64>> {
-        self.gradient_of(image, |log| energy.value(log).is_finite().then(|| energy.derivatives(log).0))
+        self.gradient_of(image, |s| Some(energy.spectrum(s, 1.0)?.slope))
     }
 
     /// The derivative of a barrier's gradient with respect to its bound.
     pub fn mixed_gradient(&self, barrier: &Barrier, image: &[Vec3]) -> Option<Vec<f64>> {
-        self.gradient_of(image, |log| Some(barrier.mixed_derivative(log)))
+        self.gradient_of(image, |s| {
+            let mixed = centred_logs(s)?.map(|log| barrier.mixed_derivative(log));
+            let mean = (mixed[0] + mixed[1] + mixed[2]) / 3.0;
+            Some([0, 1, 2].map(|i| (mixed[i] - mean) / s[i]))
+        })
     }
 
     /// The first two derivatives of a barrier's sum with respect to its bound.
@@ -213,15 +214,14 @@ impl<'d> Assembly<'d> {
         &mut self.system
     }
 
-    fn gradient_of(&self, image: &[Vec3], first: impl Fn(f64) -> Option<f64> + Sync) -> Option<Vec<f64>> {
+    /// The gradient of a sum whose terms have the derivatives `slope(s)` in the singular values.
+    fn gradient_of(&self, image: &[Vec3], slope: impl Fn([f64; 3]) -> Option<[f64; 3]> + Sync) -> Option<Vec<f64>> {
         let elements: Vec<Option<[Vec3; 4]>> = (0..self.domain.mesh().tets().len())
             .into_par_iter()
             .with_min_len(CHUNK)
             .map(|t| {
-                let Svd { left, values, right } = svd(&self.domain.jacobian(TetId(t as u32), image));
-                let logs = centred_logs(values)?;
-                let first = [first(logs[0])?, first(logs[1])?, first(logs[2])?];
-                Some(gradient_from(left, values, right, &self.domain.inverse_edges()[t], first))
+                let decomposition = svd(&self.domain.jacobian(TetId(t as u32), image));
+                Some(gradient_from(&decomposition, slope(decomposition.values)?, &self.domain.inverse_edges()[t]))
             })
             .collect();
         let elements: Vec<[Vec3; 4]> = elements.into_iter().collect::<Option<_>>()?;

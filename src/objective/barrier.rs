@@ -1,6 +1,6 @@
 //! The logarithmic barrier of the set {K <= exp(bound)}.
 
-use super::TetEnergy;
+use super::LogEnergy;
 
 /// One term of the barrier: `h(l) = -ln(t^2 - 9 l^2)`, t a bound on ln K, finite while `3 |l| < t`.
 ///
@@ -31,7 +31,7 @@ impl Barrier {
     }
 }
 
-impl TetEnergy for Barrier {
+impl LogEnergy for Barrier {
     fn value(&self, log: f64) -> f64 {
         if 3.0 * log.abs() < self.bound { -self.slack(log).ln() } else { f64::INFINITY }
     }

@@ -4,7 +4,7 @@
 //! (Smith, de Goes, Kim 2019, "Analytic eigensystems for isotropic distortion energies", ACM TOG 38(1)): one 3x3 block
 //! for the scalings and, for each pair of axes, one "twist" and one "flip" mode.
 
-use super::TetEnergy;
+use super::{LogEnergy, TetEnergy};
 use crate::linalg::{Svd, svd};
 use crate::mesh::{Mat3, Vec3};
 
@@ -19,7 +19,61 @@ pub fn centred_logs(values: [f64; 3]) -> Option<[f64; 3]> {
     centred.iter().all(|l| l.is_finite()).then_some(centred)
 }
 
-/// Gradient and positive semidefinite Hessian of one tet's energy.
+/// The derivatives of an isotropic function of a 3x3 matrix in the frame of its singular vectors.
+#[derive(Clone, Copy, Debug)]
+pub struct Spectrum {
+    /// Derivatives with respect to the singular values.
+    pub slope: [f64; 3],
+    /// Curvature along the diagonal: second derivatives with respect to the singular values.
+    pub scaling: Mat3,
+    /// Curvature of the twist mode `M_ij - M_ji` of the axis pairs (0, 1), (0, 2), (1, 2).
+    pub twist: [f64; 3],
+    /// Curvature of the flip mode `M_ij + M_ji` of the same pairs.
+    pub flip: [f64; 3],
+}
+
+/// Axis pairs of the twist and flip modes.
+pub(super) const AXIS_PAIRS: [(usize, usize); 3] = [(0, 1), (0, 2), (1, 2)];
+
+impl Spectrum {
+    /// The spectrum of `h(l_1) + h(l_2) + h(l_3)` at singular values `s > 0` with centred logs `logs`.
+    ///
+    /// Negative curvature is multiplied by `negative`; the scalings' block is split into its convex part in ln s and the
+    /// part that stems from the curvature of ln.
+    pub(super) fn of_logs<E: LogEnergy>(energy: &E, s: [f64; 3], logs: [f64; 3], negative: f64) -> Self {
+        let damp = |curvature: f64| if curvature < 0.0 { negative * curvature } else { curvature };
+        let derivatives = logs.map(|l| energy.derivatives(l));
+        let [first, second] = [derivatives.map(|d| d.0), derivatives.map(|d| d.1)];
+        // The energy sees ln s through the projection to mean zero.
+        let mean = (first[0] + first[1] + first[2]) / 3.0;
+        let slope = [0, 1, 2].map(|i| (first[i] - mean) / s[i]);
+        let sum_second: f64 = second.iter().sum();
+        let mut scaling = Mat3::zeros();
+        for i in 0..3 {
+            for j in 0..3 {
+                let mut entry = sum_second / 9.0 - (second[i] + second[j]) / 3.0;
+                if i == j {
+                    entry += second[i] + damp(mean - first[i]);
+                }
+                scaling[(i, j)] = entry / (s[i] * s[j]);
+            }
+        }
+        let twist = AXIS_PAIRS.map(|(i, j)| damp((slope[i] + slope[j]) / (s[i] + s[j])));
+        let flip = AXIS_PAIRS.map(|(i, j)| {
+            let difference = s[i] - s[j];
+            // The quotient tends to a second derivative as the two values meet; below 1e-7 relative the limit is the
+            // more accurate of the two.
+            damp(if difference > 1e-7 * s[i] {
+                (slope[i] - slope[j]) / difference
+            } else {
+                (second[i] + mean - first[i]) / (s[i] * s[j])
+            })
+        });
+        Self { slope, scaling, twist, flip }
+    }
+}
+
+/// Gradient and Hessian of one tet's energy.
 #[derive(Clone, Debug)]
 pub struct ElementDerivatives {
     /// Derivative with respect to each of the four vertex positions.
@@ -35,79 +89,43 @@ impl ElementDerivatives {
 
     /// The derivatives at the Jacobian `jacobian = edges(image) * inverse_edges`; `None` where the energy is infinite.
     ///
-    /// The Hessian's negative curvature, mode by mode, is multiplied by `negative` in [0, 1]: 1 gives the true Hessian, 0 a
-    /// positive semidefinite one. The scalings' block is split into the convex part in ln s and the part that stems from
-    /// the curvature of ln. As det -> 0 the Hessian grows without bound.
+    /// The Hessian's negative curvature, mode by mode, is multiplied by `negative` in [0, 1]: 1 gives the true Hessian, 0
+    /// a positive semidefinite one.
     pub fn new<E: TetEnergy>(energy: &E, jacobian: &Mat3, inverse_edges: &Mat3, negative: f64) -> Option<Self> {
-        let damp = |curvature: f64| if curvature < 0.0 { negative * curvature } else { curvature };
-        let Svd { left, values: s, right } = svd(jacobian);
-        let logs = centred_logs(s)?;
-        if !logs.iter().all(|&l| energy.value(l).is_finite()) {
-            return None;
-        }
-        let derivatives = logs.map(|l| energy.derivatives(l));
-        let [first, second] = [derivatives.map(|d| d.0), derivatives.map(|d| d.1)];
-        let gradient = gradient_from(left, s, right, inverse_edges, first);
+        let decomposition = svd(jacobian);
+        let spectrum = energy.spectrum(decomposition.values, negative)?;
+        Some(Self::from_spectrum(&decomposition, &spectrum, inverse_edges))
+    }
 
-        // Derivatives with respect to the singular values: the energy sees ln s through the centring projection P.
-        let mean_first = (first[0] + first[1] + first[2]) / 3.0;
-        let slope = [0, 1, 2].map(|i| (first[i] - mean_first) / s[i]);
-        let sum_second: f64 = second.iter().sum();
-        let mut scaling = Mat3::zeros();
-        for i in 0..3 {
-            for j in 0..3 {
-                let mut entry = sum_second / 9.0 - (second[i] + second[j]) / 3.0;
-                if i == j {
-                    entry += second[i] + damp(mean_first - first[i]);
-                }
-                scaling[(i, j)] = entry / (s[i] * s[j]);
-            }
-        }
-        // For each pair of axes (i, j): the Hessian on (M_ij, M_ji) is [[same, cross], [cross, same]].
-        let mut off_diagonal = [[0.0; 2]; 3];
-        for (mode, (i, j)) in [(0, 1), (0, 2), (1, 2)].into_iter().enumerate() {
-            let twist = damp((slope[i] + slope[j]) / (s[i] + s[j]));
-            let difference = s[i] - s[j];
-            // The quotient tends to the difference of the scaling block's entries as the two values meet; below 1e-7
-            // relative the limit is the more accurate of the two.
-            let flip = if difference > 1e-7 * s[i] {
-                (slope[i] - slope[j]) / difference
-            } else {
-                (second[i] + mean_first - first[i]) / (s[i] * s[j])
-            };
-            let flip = damp(flip);
-            off_diagonal[mode] = [0.5 * (flip + twist), 0.5 * (flip - twist)];
-        }
-
+    fn from_spectrum(decomposition: &Svd, spectrum: &Spectrum, inverse_edges: &Mat3) -> Self {
+        let Svd { left, right, .. } = decomposition;
+        // On (M_ij, M_ji) of an axis pair the Hessian is [[same, cross], [cross, same]].
+        let same = [0, 1, 2].map(|mode| 0.5 * (spectrum.flip[mode] + spectrum.twist[mode]));
+        let cross = [0, 1, 2].map(|mode| 0.5 * (spectrum.flip[mode] - spectrum.twist[mode]));
         // Gradients of the barycentric coordinates in the right singular frame.
         let rotated = (inverse_edges * right).transpose();
-        let weights = [
-            -(rotated.column(0) + rotated.column(1) + rotated.column(2)),
-            rotated.column(0).into_owned(),
-            rotated.column(1).into_owned(),
-            rotated.column(2).into_owned(),
-        ];
-        let block = |v: usize, w: usize| {
+        let [w1, w2, w3] = [0, 1, 2].map(|i| rotated.column(i).into_owned());
+        let weights = [-(w1 + w2 + w3), w1, w2, w3];
+        let block = |(v, w): (usize, usize)| {
             let (a, b) = (&weights[v], &weights[w]);
-            let mut inner = scaling.component_mul(&(a * b.transpose()));
-            for (mode, (i, j)) in [(0, 1), (0, 2), (1, 2)].into_iter().enumerate() {
-                let [same, cross] = off_diagonal[mode];
-                inner[(i, i)] += same * a[j] * b[j];
-                inner[(j, j)] += same * a[i] * b[i];
-                inner[(i, j)] += cross * a[j] * b[i];
-                inner[(j, i)] += cross * a[i] * b[j];
+            let mut inner = spectrum.scaling.component_mul(&(a * b.transpose()));
+            for (mode, (i, j)) in AXIS_PAIRS.into_iter().enumerate() {
+                inner[(i, i)] += same[mode] * a[j] * b[j];
+                inner[(j, j)] += same[mode] * a[i] * b[i];
+                inner[(i, j)] += cross[mode] * a[j] * b[i];
+                inner[(j, i)] += cross[mode] * a[i] * b[j];
             }
             left * inner * left.transpose()
         };
-        Some(Self { gradient, hessian: Self::PAIRS.map(|(v, w)| block(v, w)) })
+        let gradient = gradient_from(decomposition, spectrum.slope, inverse_edges);
+        Self { gradient, hessian: Self::PAIRS.map(block) }
     }
 }
 
-/// The gradient with respect to the four vertices of `sum_i f_i(l_i)` with given derivatives `f_i'`.
-pub(super) fn gradient_from(left: Mat3, s: [f64; 3], right: Mat3, inverse_edges: &Mat3, first: [f64; 3]) -> [Vec3; 4] {
-    let mean = (first[0] + first[1] + first[2]) / 3.0;
-    let slope = Vec3::new((first[0] - mean) / s[0], (first[1] - mean) / s[1], (first[2] - mean) / s[2]);
-    let stress = left * Mat3::from_diagonal(&slope) * right.transpose() * inverse_edges.transpose();
+/// The gradient with respect to the four vertices of a function with derivatives `slope` in the singular values.
+pub(super) fn gradient_from(decomposition: &Svd, slope: [f64; 3], inverse_edges: &Mat3) -> [Vec3; 4] {
+    let Svd { left, right, .. } = decomposition;
+    let stress = left * Mat3::from_diagonal(&Vec3::from(slope)) * right.transpose() * inverse_edges.transpose();
     let [g1, g2, g3] = [0, 1, 2].map(|i| stress.column(i).into_owned());
     [-(g1 + g2 + g3), g1, g2, g3]
 }
@@ -115,10 +133,10 @@ pub(super) fn gradient_from(left: Mat3, s: [f64; 3], right: Mat3, inverse_edges:
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::objective::{Barrier, SoftMax};
+    use crate::objective::{Barrier, SoftMax, Untangling};
 
     fn value<E: TetEnergy>(energy: &E, jacobian: &Mat3) -> f64 {
-        centred_logs(svd(jacobian).values).unwrap().iter().map(|&l| energy.value(l)).sum()
+        energy.value(svd(jacobian).values)
     }
 
     fn edges(x: &[Vec3; 4]) -> Mat3 {
@@ -160,16 +178,17 @@ mod tests {
             check(&SoftMax::new(p, 0.3), bent());
         }
         check(&Barrier { bound: 2.0 }, bent());
+        let inside_out = [bent()[0], bent()[2], bent()[1], bent()[3]];
+        for image in [bent(), inside_out] {
+            check(&Untangling { epsilon: 0.5 }, image);
+        }
     }
 
-    #[test]
-    fn hessian_matches_second_differences_and_its_projection_lies_above() {
-        let energy = SoftMax::new(4.0, 0.3);
+    fn check_hessian<E: TetEnergy>(energy: &E, image: [Vec3; 4]) {
         let inverse = Mat3::identity();
-        let image = bent();
         let jacobian = edges(&image) * inverse;
-        let exact = ElementDerivatives::new(&energy, &jacobian, &inverse, 1.0).unwrap();
-        let projected = ElementDerivatives::new(&energy, &jacobian, &inverse, 0.0).unwrap();
+        let exact = ElementDerivatives::new(energy, &jacobian, &inverse, 1.0).unwrap();
+        let projected = ElementDerivatives::new(energy, &jacobian, &inverse, 0.0).unwrap();
         for seed in 0..20 {
             let direction: [Vec3; 4] =
                 std::array::from_fn(|v| Vec3::from_fn(|r, _| ((seed * 12 + v * 3 + r) as f64 * 1.618).sin()));
@@ -186,13 +205,23 @@ mod tests {
             };
             let moved = |step: f64| {
                 let x: [Vec3; 4] = std::array::from_fn(|v| image[v] + direction[v] * step);
-                value(&energy, &(edges(&x) * inverse))
+                value(energy, &(edges(&x) * inverse))
             };
             let h = 1e-4;
             let second = (moved(h) + moved(-h) - 2.0 * moved(0.0)) / (h * h);
             // Rounding eps / h^2 = 2e-8 and truncation h^2 / 12 times a fourth derivative of at most rate^4 = 4096.
             assert!((form(&exact) - second).abs() <= 1e-4 * second.abs().max(1.0), "{} {second}", form(&exact));
             assert!(form(&projected) >= form(&exact).max(0.0) - 1e-9);
+        }
+    }
+
+    #[test]
+    fn hessians_match_second_differences_and_their_projections_lie_above() {
+        check_hessian(&SoftMax::new(4.0, 0.3), bent());
+        check_hessian(&Barrier { bound: 2.0 }, bent());
+        let inside_out = [bent()[0], bent()[2], bent()[1], bent()[3]];
+        for image in [bent(), inside_out] {
+            check_hessian(&Untangling { epsilon: 0.5 }, image);
         }
     }
 

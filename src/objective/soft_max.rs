@@ -1,6 +1,6 @@
 //! The soft maximum of K, E_p.
 
-use super::TetEnergy;
+use super::LogEnergy;
 
 /// One term of the soft maximum: `h(l) = exp(2 p (l - c)) + exp(-2 p (l + c)) = 2 cosh(2 p l) exp(-2 p c)`.
 ///
@@ -25,7 +25,7 @@ impl SoftMax {
     }
 }
 
-impl TetEnergy for SoftMax {
+impl LogEnergy for SoftMax {
     fn value(&self, log: f64) -> f64 {
         let rate = 2.0 * self.exponent;
         (rate * (log - self.centre)).exp() + (-rate * (log + self.centre)).exp()
