@@ -6,6 +6,7 @@
 mod barrier;
 mod lbfgs;
 mod newton;
+mod untangle;
 
 use std::time::{Duration, Instant};
 
@@ -18,6 +19,7 @@ use crate::linalg::SparseError;
 use crate::mesh::Vec3;
 use crate::objective::Assembly;
 use newton::PhaseEnd;
+pub use untangle::{Untangled, flipped_tets, untangle};
 
 /// Exponents of the continuation, each phase started from the last. Steps of about three: with larger ones the next
 /// phase starts far from its minimum and ends in a worse local one.
