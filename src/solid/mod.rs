@@ -1,17 +1,25 @@
 //! What a domain can come from: closed triangle surfaces, read or generated, their features and their star centres.
 
+mod centre;
 mod fan;
 mod features;
 mod generate;
+mod kernel;
+#[cfg(feature = "nlopt")]
+mod optimal_centre;
 mod platonic;
 mod polyhedron;
 mod prism;
+mod radial;
 mod smooth;
 mod sphere;
 mod star;
 mod surface;
 
+pub use centre::{CentreChoice, CentreError, StarCentre, star_centre};
 pub use fan::FanError;
 pub use features::{FeatureAngles, Features};
 pub use generate::{Solid, SolidError};
+pub use kernel::{KernelError, StarKernel};
+pub use radial::radial_max_dilatation;
 pub use surface::{Surface, SurfaceEdge, SurfaceError};
