@@ -4,4 +4,4 @@ mod bijective;
 mod radial;
 
 pub use bijective::{Bijectivity, bijectivity};
-pub use radial::{RadialCoordinates, RayError, by_ray_casting, caraman, radial_dilatation};
+pub use radial::{RadialCoordinates, RayError, by_ray_casting, caraman};

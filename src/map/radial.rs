@@ -26,15 +26,6 @@ pub fn caraman(coordinates: &[RadialCoordinates], exponent: f64) -> Vec<Vec3> {
     coordinates.iter().map(|at| at.direction * at.fraction.powf(exponent)).collect()
 }
 
-/// The dilatation of the smooth radial map with exponent 1 along a ray that meets the boundary at angle `theta` from the
-/// face's normal: K_I = K_O = sigma^3 with sigma = (t + sqrt(t^2 + 4)) / 2, t = tan(theta) (bounds.md §C).
-///
-/// Scale-free, >= 1, constant along the ray; it grows without bound as theta -> pi/2.
-pub fn radial_dilatation(theta: f64) -> f64 {
-    let t = theta.tan();
-    (0.5 * (t + (t * t + 4.0).sqrt())).powi(3)
-}
-
 /// A ray from the centre that meets no triangle of the surface.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error(
@@ -179,15 +170,5 @@ mod tests {
         let surface = Solid::Cube.surface().unwrap();
         let outside = Vec3::new(3.0, 0.0, 0.0);
         assert_eq!(by_ray_casting(&surface, outside, &[Vec3::new(4.0, 0.0, 0.0)]), Err(RayError { point: 0 }));
-    }
-
-    #[test]
-    fn closed_form_matches_the_stated_values() {
-        // Tetrahedron (sqrt 2 + sqrt 3)^3, cube and octahedron ((sqrt 2 + sqrt 6) / 2)^3 (bounds.md §C).
-        let tetrahedron = (2f64.sqrt() + 3f64.sqrt()).powi(3);
-        let cube = ((2f64.sqrt() + 6f64.sqrt()) / 2.0).powi(3);
-        assert!((radial_dilatation((1.0f64 / 3.0).acos()) - tetrahedron).abs() < 1e-12);
-        assert!((radial_dilatation((1.0 / 3f64.sqrt()).acos()) - cube).abs() < 1e-13);
-        assert_eq!(radial_dilatation(0.0), 1.0);
     }
 }
