@@ -6,6 +6,7 @@ mod boundary_edges;
 mod features;
 #[cfg(test)]
 pub(crate) mod fixtures;
+mod full_boundary;
 pub mod io;
 mod place;
 mod tet_mesh;
@@ -14,6 +15,7 @@ pub(crate) use boundary::DisjointSets;
 pub use boundary::{Boundary, TopologyError};
 pub use boundary_edges::{BoundaryEdge, BoundaryEdges};
 pub use features::Features;
+pub use full_boundary::{FullBoundary, full_boundary};
 pub use place::Place;
 pub use tet_mesh::{MeshError, Orientation, TetMesh, orientation};
 
