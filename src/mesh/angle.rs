@@ -8,7 +8,7 @@ use super::Vec3;
 
 /// An angle in radians or steradians that is known up to `error`: the true one lies in `[lower(), upper()]`.
 ///
-/// The error is a first-order bound on rounding, taken generously (see [`UNIT_VECTOR_ERROR`]), not interval arithmetic
+/// The error is a first-order bound on rounding, taken generously (see `UNIT_VECTOR_ERROR`), not interval arithmetic
 /// with directed rounding. It is infinite where the angle is not defined (a degenerate triangle, say).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Angle {
