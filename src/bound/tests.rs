@@ -172,7 +172,7 @@ fn check_bounds(bounds: &[LowerBound], inner: f64, outer: f64) -> Result<(), Tes
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(400))]
+    #![proptest_config(ProptestConfig::with_cases(256))]
 
     /// With all vertices fixed the bounds come close to K, which makes this the sharpest test of their constants.
     #[test]
