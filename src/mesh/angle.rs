@@ -2,7 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 use std::iter::Sum;
-use std::ops::{Add, Sub};
+use std::ops::Add;
 
 use super::Vec3;
 
@@ -57,14 +57,6 @@ impl Add for Angle {
     fn add(self, other: Self) -> Self {
         let value = self.value + other.value;
         Self { value, error: self.error + other.error + f64::EPSILON * value.abs() }
-    }
-}
-
-impl Sub for Angle {
-    type Output = Self;
-
-    fn sub(self, other: Self) -> Self {
-        self + Self { value: -other.value, error: other.error }
     }
 }
 
