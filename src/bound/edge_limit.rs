@@ -6,7 +6,7 @@ use super::{Kind, LowerBound, Place, Scope, rounded_down, strongest, three_halve
 use crate::domain::Domain;
 use crate::mesh::BoundaryEdges;
 
-/// `(pi / alpha)^(3/2)` at the least convex dihedral angle alpha: the limit of [`super::edge_ratio`] as the boundary mesh
+/// `(pi / alpha)^(3/2)` at the least convex dihedral angle alpha: the limit of [`super::edge_ratio()`] as the boundary mesh
 /// is refined, so that the inscribed polyhedron's angle beta at the edge's image tends to pi.
 ///
 /// It bounds the limit inferior of K over orientation-preserving piecewise-linear maps with the radial boundary values on

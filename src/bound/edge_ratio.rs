@@ -3,7 +3,9 @@
 use std::f64::consts::PI;
 
 use super::boundary_image::factor;
-use super::{BoundaryImage, Kind, LowerBound, Place, rounded_down, strongest, three_halves_power};
+use super::{
+    BoundaryImage, Kind, LowerBound, Place, rounded_down, strongest, three_halves_power, with_inner_and_outer,
+};
 use crate::domain::Domain;
 use crate::mesh::{BoundaryEdge, BoundaryEdges};
 
@@ -13,7 +15,7 @@ use crate::mesh::{BoundaryEdge, BoundaryEdges};
 /// Holds for every orientation-preserving piecewise-linear map with these boundary positions, however the interior is
 /// meshed. It improves paper eq. 42 (K >= beta / alpha) by the power 3/2, and uses the actual beta, not pi.
 ///
-/// **Proof**. The fan bound ([`super::fan`]) gives H >= tau on some tet of the edge, where tau solves
+/// **Proof**. The fan bound ([`super::fan()`]) gives H >= tau on some tet of the edge, where tau solves
 /// `sum 2 atan(tau tan(a_i / 2)) = beta` for beta >= alpha. Some tet has b_i / a_i >= beta / alpha = q, and
 /// `tan(b/2) / tan(a/2) >= b / a` for b >= a since tan(x) / x increases. For beta < alpha exchange the roles.
 ///
@@ -27,7 +29,7 @@ pub fn edge_ratio(domain: &Domain, edges: &BoundaryEdges, image: BoundaryImage) 
         Kind::K,
         three_halves_power(ratio),
         Place::edge(domain.mesh(), ends),
-        format!("any PL map with these boundary positions; also K_I and K_O >= {ratio:.4}"),
+        with_inner_and_outer("any PL map of this solid with these boundary positions", ratio),
     ))
 }
 

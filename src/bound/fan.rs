@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use super::{BoundaryImage, Kind, LowerBound, Place, three_halves_power};
+use super::{BoundaryImage, Kind, LowerBound, Place, three_halves_power, with_inner_and_outer};
 use crate::domain::Domain;
 use crate::mesh::angle::Angle;
 use crate::mesh::{BoundaryEdge, BoundaryEdges};
@@ -39,7 +39,7 @@ pub fn fan(domain: &Domain, edges: &BoundaryEdges, image: BoundaryImage) -> Opti
         Kind::K,
         three_halves_power(best),
         Place::edge(domain.mesh(), ends?),
-        format!("any PL map of this mesh with these boundary positions; also K_I and K_O >= {best:.4}"),
+        with_inner_and_outer("any PL map of this mesh with these boundary positions", best),
     ))
 }
 

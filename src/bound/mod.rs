@@ -60,13 +60,13 @@ pub enum Kind {
 /// Which maps a bound speaks of. A gap is taken only between a map and a bound whose scope contains it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub enum Scope {
-    /// Any quasi-conformal map of the solid onto the smooth ball, boundary values free ([QC] in bounds.md).
+    /// Any quasi-conformal map of the solid onto the smooth ball, boundary values free (`[QC]` in bounds.md).
     #[serde(rename = "any qc map of the solid onto the ball")]
     Shape,
-    /// Any quasi-conformal map of the solid onto the smooth ball with the radial boundary values ([QC-fix]).
+    /// Any quasi-conformal map of the solid onto the smooth ball with the radial boundary values (`[QC-fix]`).
     #[serde(rename = "qc maps of the solid onto the ball with the radial boundary values")]
     ShapeFixedTrace,
-    /// Piecewise-linear maps of this mesh with these boundary positions ([PL-fix]): the scope of what we measure.
+    /// Piecewise-linear maps of this mesh with these boundary positions (`[PL-fix]`): the scope of what we measure.
     #[serde(rename = "PL maps of this mesh with this boundary")]
     MeshFixedBoundary,
 }
@@ -164,6 +164,11 @@ fn rounded_down(value: f64, relative_error: f64) -> Option<f64> {
 /// `h^(3/2)`, at least 1, rounded down: the bound on K that a bound h on H = s1 / s3 gives.
 fn three_halves_power(h: f64) -> f64 {
     (h * h.sqrt() * (1.0 - 4.0 * f64::EPSILON)).max(1.0)
+}
+
+/// The clause for a bound on H, which bounds K_I and K_O as well; four decimals, rounded down like the bound itself.
+fn with_inner_and_outer(maps: &str, h: f64) -> String {
+    format!("{maps}; also K_I and K_O >= {:.4}", (h * 1e4).floor() / 1e4)
 }
 
 /// The candidate of largest value, the first of equals.

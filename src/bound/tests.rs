@@ -172,7 +172,7 @@ fn check_bounds(bounds: &[LowerBound], inner: f64, outer: f64) -> Result<(), Tes
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(400))]
+    #![proptest_config(ProptestConfig::with_cases(256))]
 
     /// With all vertices fixed the bounds come close to K, which makes this the sharpest test of their constants.
     #[test]
@@ -213,14 +213,11 @@ proptest! {
         prop_assume!(best.max_k.is_finite());
         let bounds = all(&domain, &image, None, false);
         let free: Vec<usize> = (0..image.len()).filter(|&v| !domain.boundary().vertex_mask()[v]).collect();
-        for round in 0..4 {
-            for (index, direction) in moves.iter().enumerate() {
-                let vertex = free[(index + round) % free.len()];
-                let previous = image[vertex];
-                image[vertex] += direction * 0.2 * 0.5f64.powi(round as i32);
-                let moved = measure(&domain, &image).summary;
-                if moved.max_k < best.max_k { best = moved } else { image[vertex] = previous }
-            }
+        for (direction, &vertex) in moves.iter().zip(free.iter().cycle()) {
+            let previous = image[vertex];
+            image[vertex] += direction * 0.1;
+            let moved = measure(&domain, &image).summary;
+            if moved.max_k < best.max_k { best = moved } else { image[vertex] = previous }
         }
         check_bounds(&bounds, best.max_k_inner, best.max_k_outer)?;
         // The interior of the image plays no part.

@@ -1,6 +1,6 @@
 //! The trace bound: triangles whose three vertices are fixed (bounds.md B1).
 
-use super::{Kind, LowerBound, Place, rounded_down, strongest, three_halves_power};
+use super::{Kind, LowerBound, Place, rounded_down, strongest, three_halves_power, with_inner_and_outer};
 use crate::domain::Domain;
 use crate::mesh::{TetMesh, Vec3};
 
@@ -32,7 +32,7 @@ pub fn trace(domain: &Domain, image: &[Vec3]) -> Option<LowerBound> {
         Kind::K,
         three_halves_power(ratio),
         Place::face(mesh, triangle),
-        format!("any PL map of this mesh with these boundary positions; also K_I and K_O >= {ratio:.4}"),
+        with_inner_and_outer("any PL map of this mesh with these boundary positions", ratio),
     ))
 }
 

@@ -16,7 +16,7 @@ use crate::mesh::{Vec3, VertexId};
 /// half-space; a face for which it does not bounds nothing.
 ///
 /// **Proof**. A face at distance h is stretched by cos^2(theta) / h along the ray's trace in it and by cos(theta) / h
-/// across, so the ratio of the trace's singular values is r. For maps C^1 up to the boundary [`super::trace`]'s argument
+/// across, so the ratio of the trace's singular values is r. For maps C^1 up to the boundary [`super::trace()`]'s argument
 /// applies to the differential at the point: K >= r^(3/2). In general blow up at the point: K-quasi-conformal maps with
 /// normalized boundary values are compact and K_I, K_O lower semicontinuous, the limit is a map of a half-space with
 /// linear boundary values M, and the energy of plane waves cos(eta . y) gives

@@ -17,7 +17,7 @@ use crate::mesh::BoundaryEdges;
 /// that it is sharp.
 ///
 /// It is **not** a bound for a piecewise-linear map onto a polyhedron inscribed in the ball, whose dihedral angle beta at
-/// the edge's image is below pi: there [`super::edge_ratio`] and [`super::fan`] use the actual beta.
+/// the edge's image is not pi (below it if convex): there [`super::edge_ratio()`] and [`super::fan()`] use the actual beta.
 ///
 /// In floats: alpha is taken with its rounding error added.
 pub fn wedge(domain: &Domain, edges: &BoundaryEdges) -> Option<LowerBound> {
@@ -33,10 +33,8 @@ pub fn wedge(domain: &Domain, edges: &BoundaryEdges) -> Option<LowerBound> {
         scope: Scope::Shape,
         certified: true,
         applies: false,
-        reason:
-            "speaks of maps onto the smooth ball; the measured image is a polyhedron, its dihedral angle at this edge \
-                 is below pi"
-                .into(),
+        reason: "speaks of maps onto the smooth ball; the measured image is a polyhedron, whose angle at this edge is not pi"
+            .into(),
         place: Some(Place::edge(domain.mesh(), ends)),
     })
 }

@@ -2,13 +2,13 @@
 
 use std::f64::consts::{PI, TAU};
 use std::iter::Sum;
-use std::ops::{Add, Sub};
+use std::ops::Add;
 
 use super::Vec3;
 
 /// An angle in radians or steradians that is known up to `error`: the true one lies in `[lower(), upper()]`.
 ///
-/// The error is a first-order bound on rounding, taken generously (see [`UNIT_VECTOR_ERROR`]), not interval arithmetic
+/// The error is a first-order bound on rounding, taken generously (see `UNIT_VECTOR_ERROR`), not interval arithmetic
 /// with directed rounding. It is infinite where the angle is not defined (a degenerate triangle, say).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Angle {
@@ -57,14 +57,6 @@ impl Add for Angle {
     fn add(self, other: Self) -> Self {
         let value = self.value + other.value;
         Self { value, error: self.error + other.error + f64::EPSILON * value.abs() }
-    }
-}
-
-impl Sub for Angle {
-    type Output = Self;
-
-    fn sub(self, other: Self) -> Self {
-        self + Self { value: -other.value, error: other.error }
     }
 }
 
