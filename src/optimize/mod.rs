@@ -25,7 +25,7 @@ pub use untangle::{Untangled, flipped_tets, untangle};
 /// phase starts far from its minimum and ends in a worse local one.
 const EXPONENTS: [f64; 7] = [1.0, 4.0, 16.0, 48.0, 128.0, 384.0, 1024.0];
 /// The exponents up to here come before the barrier; higher ones only push up the mean that the barrier lowers again.
-const LAST_BEFORE_BARRIER: f64 = 48.0;
+const LAST_BEFORE_BARRIER: f64 = 384.0;
 /// Fall in ln K of a step which ends all but the last phase: 2e-4 was found enough, ending earlier costs more than it
 /// saves (design.md §5.4).
 const PHASE_TOLERANCE: f64 = 2e-4;
