@@ -2,9 +2,11 @@
 
 mod boundary;
 pub mod io;
+mod quality;
 mod tet_mesh;
 
 pub use boundary::{Boundary, TopologyError};
+pub use quality::smallest_dihedral_angle;
 pub use tet_mesh::{MeshError, Orientation, TetMesh, orientation};
 
 use serde::Serialize;
@@ -57,4 +59,14 @@ pub struct PolygonSoup {
     pub points: Vec<Vec3>,
     /// Polygons of three or more vertices each, counter-clockwise seen from outside if the file is in order.
     pub polygons: Vec<Vec<VertexId>>,
+}
+
+/// Points and tetrahedra as a mesh file holds them: nothing is checked but that coordinates are finite and indices are
+/// in range.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TetSoup {
+    /// Vertex positions.
+    pub points: Vec<Vec3>,
+    /// Tetrahedra in the file's own vertex order, which may be of either orientation.
+    pub tets: Vec<[VertexId; 4]>,
 }
