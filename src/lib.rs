@@ -15,6 +15,8 @@ pub mod optimize;
 
 pub mod bound;
 
+pub mod config;
+
 pub use dilatation::Dilatation;
 pub use domain::Domain;
 pub use mesh::{TetId, TetMesh, VertexId};

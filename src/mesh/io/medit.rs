@@ -4,7 +4,6 @@
 //! entry ends with a reference number, and `#` starts a comment.
 
 use std::fs;
-use std::io::Write;
 use std::path::Path;
 
 use super::{ReadError, WriteError, write_atomically};

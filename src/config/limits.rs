@@ -1,0 +1,57 @@
+//! Numbers within limits.
+
+use std::ops::{Range, RangeInclusive};
+
+use super::error::Fault;
+
+/// A whole number, or its default.
+pub(super) fn whole(
+    given: Option<i64>,
+    default: usize,
+    limits: RangeInclusive<i64>,
+    key: &[&'static str],
+) -> Result<usize, Fault> {
+    match given {
+        None => Ok(default),
+        Some(number) if limits.contains(&number) => Ok(number as usize),
+        Some(number) => {
+            let (least, most) = limits.into_inner();
+            let message = format!("`{}` is {number}, but must lie between {least} and {most}", key.join("."));
+            Err(Fault::at(key, message, format!("the default is {default}; `qcball schema` describes every key")))
+        }
+    }
+}
+
+/// A finite number greater than 0, or its default.
+pub(super) fn positive(given: Option<f64>, default: f64, key: &[&'static str]) -> Result<f64, Fault> {
+    match given {
+        None => Ok(default),
+        Some(number) if number.is_finite() && number > 0.0 => Ok(number),
+        Some(number) => {
+            let message = format!("`{}` is {number}, but must be finite and greater than 0", key.join("."));
+            Err(Fault::at(key, message, format!("for example {default}; `qcball schema` describes every key")))
+        }
+    }
+}
+
+/// A number in a half-open range, or its default.
+pub(super) fn between(
+    given: Option<f64>,
+    default: f64,
+    limits: Range<f64>,
+    key: &[&'static str],
+) -> Result<f64, Fault> {
+    match given {
+        None => Ok(default),
+        Some(number) if limits.contains(&number) => Ok(number),
+        Some(number) => {
+            let message = format!(
+                "`{}` is {number}, but must be at least {} and less than {}",
+                key.join("."),
+                limits.start,
+                limits.end
+            );
+            Err(Fault::at(key, message, format!("the default is {default}; `qcball schema` describes every key")))
+        }
+    }
+}
