@@ -1,6 +1,47 @@
 //! Proved lower bounds for the largest dilatation, one theorem a file (bounds.md), each with its scope.
+//!
+//! Every bound is computed from the domain, its boundary and the image positions of the *boundary* vertices alone; the
+//! interior of a map can change none of them. All use the chain of bounds.md §0: with H = s1 / s3,
+//! `K_I = s1 s2 / s3^2 >= H`, `K_O = s1^2 / (s2 s3) >= H` and `K_I K_O = H^3`, so a lower bound h on H gives
+//! `K >= h^(3/2)`, with equality if and only if `s2^2 = s1 s3`.
+//!
+//! Rounding: each value is lowered by a first-order bound on the error of its own computation (angles carry theirs, see
+//! [`crate::mesh::angle::Angle`]), so that it does not exceed the true bound. That is a generous error analysis and not
+//! interval arithmetic with directed rounding. Degenerate images (a collapsed or folded triangle) bound nothing there:
+//! the place is passed over.
+
+mod boundary_image;
+mod caraman;
+mod edge_limit;
+mod edge_ratio;
+mod fan;
+mod locked;
+mod trace;
+mod trace_smooth;
+mod vertex;
+mod vertex_smooth;
+mod wedge;
+
+#[cfg(test)]
+mod tests;
 
 use serde::Serialize;
+
+pub use boundary_image::BoundaryImage;
+pub use caraman::caraman;
+pub use edge_limit::edge_limit;
+pub use edge_ratio::edge_ratio;
+pub use fan::fan;
+pub use locked::locked;
+pub use trace::trace;
+pub use trace_smooth::trace_smooth;
+pub use vertex::vertex;
+pub use vertex_smooth::vertex_smooth;
+pub use wedge::wedge;
+
+use crate::domain::Domain;
+pub use crate::mesh::Place;
+use crate::mesh::{BoundaryEdges, Features, Orientation, Vec3, VertexId, orientation};
 
 /// Which dilatation a bound holds for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -30,18 +71,6 @@ pub enum Scope {
     MeshFixedBoundary,
 }
 
-/// The place where a bound is attained or cells are active.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-#[serde(tag = "kind", rename_all = "lowercase")]
-pub enum Place {
-    /// A vertex of the domain.
-    Vertex { vertex: u32, position: [f64; 3] },
-    /// An edge of the domain between two vertices.
-    Edge { vertices: [u32; 2], midpoint: [f64; 3] },
-    /// A boundary triangle of the domain.
-    Face { vertices: [u32; 3], centroid: [f64; 3] },
-}
-
 /// A lower bound.
 #[derive(Clone, Debug, Serialize)]
 pub struct LowerBound {
@@ -63,4 +92,81 @@ pub struct LowerBound {
     pub reason: String,
     /// Where it is attained.
     pub place: Option<Place>,
+}
+
+impl LowerBound {
+    /// A proved bound of scope [`Scope::MeshFixedBoundary`], the scope of what is measured.
+    fn of_mesh(
+        name: &'static str,
+        source: &'static str,
+        kind: Kind,
+        value: f64,
+        place: Place,
+        reason: impl Into<String>,
+    ) -> Self {
+        let (scope, certified, applies) = (Scope::MeshFixedBoundary, true, true);
+        Self { name, source, kind, value, scope, certified, applies, reason: reason.into(), place: Some(place) }
+    }
+}
+
+/// All bounds known for maps of `domain` with these boundary positions, in a fixed order; interior entries of `image` are
+/// not read.
+///
+/// `centre` is the star centre and `radial_trace` whether the boundary positions are the radial projection about it onto
+/// a sphere: without both, the bounds for the radial boundary values ([`Scope::ShapeFixedTrace`]) say nothing and are
+/// left out, and so they are where a boundary triangle does not face away from the centre.
+///
+/// # Panics
+/// If `image` has fewer positions than the domain has vertices.
+pub fn all(domain: &Domain, image: &[Vec3], centre: Option<Vec3>, radial_trace: bool) -> Vec<LowerBound> {
+    let edges = BoundaryEdges::of(domain.mesh(), domain.boundary());
+    let features = Features::of(domain.mesh(), domain.boundary(), &edges);
+    let boundary_image = BoundaryImage::new(domain, &edges, image);
+    let mut bounds = Vec::new();
+    bounds.extend(locked(domain, image));
+    bounds.extend(trace(domain, image));
+    bounds.extend(edge_ratio(domain, &edges, boundary_image));
+    bounds.extend(fan(domain, &edges, boundary_image));
+    bounds.extend(vertex(domain, &edges, boundary_image));
+    bounds.extend(wedge(domain, &edges));
+    bounds.extend(caraman(&features));
+    if let Some(centre) = centre.filter(|centre| radial_trace && is_strict_star_centre(domain, centre)) {
+        bounds.extend(vertex_smooth(domain));
+        bounds.extend(trace_smooth(domain, centre));
+        bounds.extend(edge_limit(domain, &edges));
+    }
+    bounds
+}
+
+/// The largest of the certified bounds whose scope contains the measured map; each bounds K, whatever its kind. The first
+/// of equals.
+pub fn best_applicable(bounds: &[LowerBound]) -> Option<&LowerBound> {
+    bounds
+        .iter()
+        .filter(|bound| bound.applies && bound.certified)
+        .reduce(|best, next| if next.value > best.value { next } else { best })
+}
+
+/// Whether every boundary triangle is seen from outside away from `centre`, by exact predicate: the radial projection is
+/// then bi-Lipschitz on the boundary.
+fn is_strict_star_centre(domain: &Domain, centre: &Vec3) -> bool {
+    let at = |v: VertexId| &domain.mesh().points()[v.index()];
+    let faces_away = |&[a, b, c]: &[VertexId; 3]| orientation([centre, at(a), at(b), at(c)]) == Orientation::Positive;
+    centre.iter().all(|x| x.is_finite()) && domain.boundary().triangles().iter().all(faces_away)
+}
+
+/// `value * (1 - relative_error)`, at least 1 (every dilatation is), or nothing if it is not finite.
+fn rounded_down(value: f64, relative_error: f64) -> Option<f64> {
+    let lowered = value * (1.0 - relative_error);
+    lowered.is_finite().then_some(lowered.max(1.0))
+}
+
+/// `h^(3/2)`, at least 1, rounded down: the bound on K that a bound h on H = s1 / s3 gives.
+fn three_halves_power(h: f64) -> f64 {
+    (h * h.sqrt() * (1.0 - 4.0 * f64::EPSILON)).max(1.0)
+}
+
+/// The candidate of largest value, the first of equals.
+fn strongest<P>(candidates: impl Iterator<Item = (f64, P)>) -> Option<(f64, P)> {
+    candidates.reduce(|best, next| if next.0 > best.0 { next } else { best })
 }

@@ -1,11 +1,20 @@
 //! Tetrahedral meshes, the polygon soups that surface files hold, their topology and their files.
 
+pub mod angle;
 mod boundary;
+mod boundary_edges;
+mod features;
+#[cfg(test)]
+pub(crate) mod fixtures;
 pub mod io;
+mod place;
 mod quality;
 mod tet_mesh;
 
 pub use boundary::{Boundary, TopologyError};
+pub use boundary_edges::{BoundaryEdge, BoundaryEdges};
+pub use features::Features;
+pub use place::Place;
 pub use quality::smallest_dihedral_angle;
 pub use tet_mesh::{MeshError, Orientation, TetMesh, orientation};
 

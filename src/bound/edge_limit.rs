@@ -1,0 +1,32 @@
+//! What the edge bound of piecewise-linear maps tends to when the boundary is refined (bounds.md B3.2 with beta = pi).
+
+use std::f64::consts::PI;
+
+use super::{Kind, LowerBound, Place, Scope, rounded_down, strongest, three_halves_power};
+use crate::domain::Domain;
+use crate::mesh::BoundaryEdges;
+
+/// `(pi / alpha)^(3/2)` at the least convex dihedral angle alpha: the limit of [`super::edge_ratio`] as the boundary mesh
+/// is refined, so that the inscribed polyhedron's angle beta at the edge's image tends to pi.
+///
+/// It bounds the limit inferior of K over orientation-preserving piecewise-linear maps with the radial boundary values on
+/// ever finer meshes (a theorem, B3.2: `K >= (beta / alpha)^(3/2)` on each mesh). For *general* quasi-conformal maps
+/// `K >= (pi / alpha)^(3/2)` is a conjecture, hence it is not certified for its scope, and applies to no single map.
+pub fn edge_limit(domain: &Domain, edges: &BoundaryEdges) -> Option<LowerBound> {
+    let convex = edges.edges().iter().filter(|edge| edge.angle().upper() < PI);
+    let ratios =
+        convex.filter_map(|edge| Some((rounded_down(PI / edge.angle().upper(), 2.0 * f64::EPSILON)?, edge.ends)));
+    let (ratio, ends) = strongest(ratios)?;
+    Some(LowerBound {
+        name: "edge-limit",
+        source: "bounds.md B3.2",
+        kind: Kind::K,
+        value: three_halves_power(ratio),
+        scope: Scope::ShapeFixedTrace,
+        certified: false,
+        applies: false,
+        reason: "proved only for the limit of PL maps whose image angle at this edge tends to pi (fine boundary)"
+            .into(),
+        place: Some(Place::edge(domain.mesh(), ends)),
+    })
+}

@@ -1,0 +1,72 @@
+//! The trace bound of the smooth problem with the radial boundary values (bounds.md B1, [QC-fix]).
+
+use super::{Kind, LowerBound, Place, Scope, rounded_down, strongest, three_halves_power};
+use crate::domain::Domain;
+use crate::mesh::{Vec3, VertexId};
+
+/// Two bounds from the radial projection of the flat faces about `centre`, with r = 1 / cos(theta), theta the largest
+/// angle between a face's normal and the ray to one of its points (attained at a corner):
+///
+/// - `trace-smooth`: `K_I >= r` and `K_O >= r` for every quasi-conformal map of the solid onto the ball with these boundary
+///   values, given as a bound on K;
+/// - `trace-smooth-c1`: `K >= r^(3/2)` for those maps that are C^1 up to the boundary there. For the others the power 3/2 is
+///   a conjecture, so this one is not certified for its scope.
+///
+/// The caller vouches that the boundary values are this projection and that `centre` lies strictly inside every face's
+/// half-space; a face for which it does not bounds nothing.
+///
+/// **Proof**. A face at distance h is stretched by cos^2(theta) / h along the ray's trace in it and by cos(theta) / h
+/// across, so the ratio of the trace's singular values is r. For maps C^1 up to the boundary [`super::trace`]'s argument
+/// applies to the differential at the point: K >= r^(3/2). In general blow up at the point: K-quasi-conformal maps with
+/// normalized boundary values are compact and K_I, K_O lower semicontinuous, the limit is a map of a half-space with
+/// linear boundary values M, and the energy of plane waves cos(eta . y) gives
+/// `K_O >= |M^T eta|^2 / (|eta|^2 r1 r2)` and K_I at least its inverse, hence both >= r.
+///
+/// In floats: h is the distance to the plane, and r is lowered by 64 eps times the condition of the triangle times r.
+pub fn trace_smooth(domain: &Domain, centre: Vec3) -> Vec<LowerBound> {
+    let mesh = domain.mesh();
+    let ratios = domain.boundary().triangles().iter().flat_map(|triangle| {
+        let [a, b, c] = triangle.map(|v: VertexId| mesh.points()[v.index()] - centre);
+        let (first, second) = (b - a, c - a);
+        let normal = first.cross(&second);
+        let condition = (first.norm_squared() + second.norm_squared()) / normal.norm();
+        // The distance is the same from each corner; the nearest one rounds least.
+        let nearest = [a, b, c].into_iter().fold(a, |best, p| if p.norm() < best.norm() { p } else { best });
+        let height = normal.normalize().dot(&nearest);
+        [a, b, c].into_iter().filter_map(move |p| {
+            let ratio = p.norm() / height;
+            let relative_error = 64.0 * f64::EPSILON * condition * ratio;
+            // Also false for NaN.
+            let resolved = height > 0.0 && relative_error < 1.0;
+            Some((resolved.then(|| rounded_down(ratio, relative_error))??, *triangle))
+        })
+    });
+    let Some((ratio, triangle)) = strongest(ratios) else {
+        return Vec::new();
+    };
+    let bound = |name, value, certified, reason: &str| LowerBound {
+        name,
+        source: "bounds.md B1",
+        kind: Kind::K,
+        value,
+        scope: Scope::ShapeFixedTrace,
+        certified,
+        applies: false,
+        reason: reason.into(),
+        place: Some(Place::face(mesh, triangle)),
+    };
+    vec![
+        bound(
+            "trace-smooth",
+            ratio,
+            true,
+            "bounds K_I and K_O of maps onto the smooth ball; the measured image is a polyhedron inscribed in it",
+        ),
+        bound(
+            "trace-smooth-c1",
+            three_halves_power(ratio),
+            false,
+            "proved only for maps that are C^1 up to the boundary; a conjecture for others",
+        ),
+    ]
+}
