@@ -17,6 +17,8 @@ pub mod bound;
 
 pub mod config;
 
+pub mod report;
+
 pub use dilatation::Dilatation;
 pub use domain::Domain;
 pub use mesh::{TetId, TetMesh, VertexId};

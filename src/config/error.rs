@@ -3,6 +3,7 @@
 use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use miette::{Diagnostic, NamedSource, SourceSpan};
 
@@ -32,7 +33,7 @@ pub enum ConfigError {
         help: String,
         /// The text, for the excerpt.
         #[source_code]
-        text: NamedSource<String>,
+        text: Arc<NamedSource<String>>,
         /// Where in the text.
         #[label("here")]
         span: Option<SourceSpan>,
@@ -75,7 +76,7 @@ impl ConfigError {
             line,
             message,
             help,
-            text: NamedSource::new(path.display().to_string(), text.to_string()),
+            text: Arc::new(NamedSource::new(path.display().to_string(), text.to_string())),
             span: span.map(SourceSpan::from),
         }
     }
