@@ -19,6 +19,8 @@ pub mod config;
 
 pub mod report;
 
+pub mod cli;
+
 pub use dilatation::Dilatation;
 pub use domain::Domain;
 pub use mesh::{TetId, TetMesh, VertexId};
