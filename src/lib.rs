@@ -7,9 +7,15 @@ pub mod dilatation;
 
 pub mod mesh;
 
+pub mod solid;
+
 pub mod domain;
 
+pub mod map;
+
 pub mod measure;
+
+pub mod objective;
 
 pub mod optimize;
 

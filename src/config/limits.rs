@@ -5,21 +5,22 @@ use std::ops::{Range, RangeInclusive};
 use super::error::Fault;
 
 /// A whole number, or its default.
-pub(super) fn whole(
+///
+/// # Panics
+/// When the limits or the default do not fit `N`.
+pub(super) fn whole<N: TryFrom<i64>>(
     given: Option<i64>,
-    default: usize,
+    default: i64,
     limits: RangeInclusive<i64>,
     key: &[&'static str],
-) -> Result<usize, Fault> {
-    match given {
-        None => Ok(default),
-        Some(number) if limits.contains(&number) => Ok(number as usize),
-        Some(number) => {
-            let (least, most) = limits.into_inner();
-            let message = format!("`{}` is {number}, but must lie between {least} and {most}", key.join("."));
-            Err(Fault::at(key, message, format!("the default is {default}; `qcball schema` describes every key")))
-        }
+) -> Result<N, Fault> {
+    let number = given.unwrap_or(default);
+    if limits.contains(&number) {
+        return Ok(N::try_from(number).ok().expect("limits and default fit the type"));
     }
+    let (least, most) = limits.into_inner();
+    let message = format!("`{}` is {number}, but must lie between {least} and {most}", key.join("."));
+    Err(Fault::at(key, message, format!("the default is {default}; `qcball schema` describes every key")))
 }
 
 /// A finite number greater than 0, or its default.

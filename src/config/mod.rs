@@ -10,8 +10,8 @@ mod solid;
 mod source;
 
 pub use error::ConfigError;
-pub use plan::{Centre, DomainSource, Fineness, InitialMap, MeshPlan, Objective, OptimizePlan, Plan};
-pub use solid::{Solid, SolidName};
+pub use plan::{DomainSource, InitialMap, Plan};
+pub use solid::SolidName;
 pub use source::ConfigSource;
 
 use schemars::JsonSchema;
@@ -50,8 +50,8 @@ pub struct DomainTable {
     /// Number of sides of the base polygon, at least 3 (prism, pyramid, bipyramid). Default: 4.
     #[schemars(range(min = 3, max = 100_000))]
     pub sides: Option<i64>,
-    /// Height over a base polygon of circumradius 1, of each half for a bipyramid (prism, pyramid, bipyramid).
-    /// Default: 1.
+    /// Height over a regular base polygon with sides of length 1, of each half for a bipyramid (prism, pyramid,
+    /// bipyramid). Default: 1.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub height: Option<f64>,
     /// The three edge lengths (box). Default: [1, 2, 3].
@@ -67,10 +67,11 @@ pub struct DomainTable {
     #[schemars(range(min = 0, max = 1))]
     pub amplitude: Option<f64>,
     /// Highest degree of the spherical harmonics (star-harmonics). Default: 4.
-    #[schemars(range(min = 1, max = 32))]
+    #[schemars(range(min = 1, max = 16))]
     pub degree: Option<i64>,
-    /// How finely a curved or random surface is triangulated: edges along a quarter of a great circle, at least 1
-    /// (ball, torus, ellipsoid, star-harmonics, star-polyhedron). Default: 8.
+    /// How finely a curved or random surface is triangulated: segments to an edge of a projected icosahedron, 20
+    /// resolution^2 triangles (ball, ellipsoid, star-harmonics, star-polyhedron), or round the tube, at least 3 (torus).
+    /// Default: 8.
     #[schemars(range(min = 1, max = 1000))]
     pub resolution: Option<i64>,
     /// The star centre: "kernel" (a deep point of the set of all star centres; the default), "centroid", "bbox" (the
@@ -108,16 +109,13 @@ pub enum CentreName {
 pub struct MeshTable {
     /// The mesher. Default: "shell", cones over the surface triangles cut into layers.
     pub kind: MeshKind,
-    /// Each surface triangle is split into this number squared, at least 1. Default: 1, or what `edge_length` or
-    /// `cells` ask for.
+    /// Each surface triangle is first split into this number squared, at least 1. Default: 1.
     #[schemars(range(min = 1, max = 1000))]
     pub subdivisions: Option<i64>,
-    /// Split the surface until no edge is longer than this, in the solid's own units. Not together with `cells` or
-    /// `subdivisions`.
+    /// Halve the longest edges until none is longer than this, in the solid's own units. Not together with `cells`.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub edge_length: Option<f64>,
-    /// Split the surface until there are at least this many tetrahedra. Not together with `edge_length` or
-    /// `subdivisions`.
+    /// Halve the longest edges until there are at least this many tetrahedra. Not together with `edge_length`.
     #[schemars(range(min = 1, max = 100_000_000))]
     pub cells: Option<i64>,
     /// Number of layers from the centre to the surface, at least 1. Default: 8.
@@ -164,16 +162,15 @@ pub enum MapKind {
 pub struct OptimizeTable {
     /// What is made small. Default: "max", the largest K of any tetrahedron.
     pub objective: ObjectiveName,
-    /// Exponent p > 0 of the soft maximum; with the objective "max", the last one before the barrier. Default: chosen
-    /// by the objective.
+    /// Exponent p > 0 of the objective "soft-max", which needs it and alone takes it.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub exponent: Option<f64>,
     /// The method that moves the vertices. Default: "newton", projected Newton with a sparse factorization.
-    pub engine: Engine,
-    /// A phase ends when a step lowers its objective by less than this, relatively; between 0 and 1. Default: 2e-4.
-    #[schemars(range(min = 0, max = 1))]
+    pub engine: EngineName,
+    /// Accuracy in ln K at which the last phase ends, > 0. Default: 1e-6.
+    #[schemars(extend("exclusiveMinimum" = 0))]
     pub tolerance: Option<f64>,
-    /// Most iterations over all phases; 0 measures the start only. Default: 500.
+    /// Most iterations over all phases; 0 measures the start only. Default: 1000.
     #[schemars(range(min = 0))]
     pub max_iterations: Option<i64>,
     /// Most seconds of optimizing, > 0. Default: no limit. A run that ends by it need not be repeatable.
@@ -184,7 +181,7 @@ pub struct OptimizeTable {
 /// The method that moves the vertices.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-pub enum Engine {
+pub enum EngineName {
     /// Projected Newton with a sparse factorization.
     #[default]
     Newton,

@@ -4,9 +4,13 @@ use std::path::{Component, Path, PathBuf};
 use std::time::Duration;
 
 use super::error::{ConfigError, EXAMPLE, Fault};
-use super::limits::{between, positive, whole};
-use super::solid::{self, Solid};
-use super::{CentreName, CentreValue, Config, ConfigSource, Engine, MapKind, MeshKind, MeshTable, ObjectiveName};
+use super::limits::{positive, whole};
+use super::{
+    CentreName, CentreValue, Config, ConfigSource, EngineName, MapKind, MeshKind, MeshTable, ObjectiveName, solid,
+};
+use crate::mesh::Vec3;
+use crate::optimize::{Engine, Objective, OptimizeSettings};
+use crate::solid::{CentreChoice, MOST_TETS, Refinement, ShellSettings, Solid};
 
 /// A run that can be started.
 #[derive(Clone, Debug)]
@@ -22,13 +26,13 @@ pub struct Plan {
     /// What is mapped.
     pub domain: DomainSource,
     /// Its star centre.
-    pub centre: Centre,
+    pub centre: CentreChoice,
     /// How it is filled with tets.
-    pub mesh: MeshPlan,
+    pub mesh: ShellSettings,
     /// The map to start from.
     pub map: InitialMap,
     /// How the map is improved.
-    pub optimize: OptimizePlan,
+    pub optimize: OptimizeSettings,
 }
 
 /// Where the domain comes from.
@@ -40,79 +44,12 @@ pub enum DomainSource {
     File(PathBuf),
 }
 
-/// How the star centre is found.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Centre {
-    /// A deep point of the kernel.
-    Kernel,
-    /// The centre of mass.
-    Centroid,
-    /// The middle of the bounding box.
-    BoundingBox,
-    /// The star centre whose radial map has the least K.
-    Optimize,
-    /// This point.
-    At([f64; 3]),
-}
-
-/// A shell mesh.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MeshPlan {
-    /// How finely the surface is split.
-    pub fineness: Fineness,
-    /// Number of layers, >= 1.
-    pub layers: usize,
-    /// Ratio of the thicknesses of successive layers outward, > 0.
-    pub grading: f64,
-}
-
-/// How finely the surface of a shell mesh is split.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Fineness {
-    /// Each triangle into the square of this number, >= 1.
-    Subdivisions(usize),
-    /// Until no edge is longer than this, in the solid's own units.
-    EdgeLength(f64),
-    /// Until there are at least this many tets.
-    Cells(usize),
-}
-
 /// The map to start from.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum InitialMap {
     /// Caraman's radial map, with radii t^exponent.
     Radial {
         /// > 0; 1 maps rays linearly.
-        exponent: f64,
-    },
-}
-
-/// How the map is improved.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct OptimizePlan {
-    /// What is made small.
-    pub objective: Objective,
-    /// The method.
-    pub engine: Engine,
-    /// Relative decrease a step below which a phase ends, in `[0, 1)`.
-    pub tolerance: f64,
-    /// Most iterations over all phases.
-    pub max_iterations: usize,
-    /// Most time, if limited.
-    pub time_limit: Option<Duration>,
-}
-
-/// What is made small.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Objective {
-    /// The largest K.
-    Max {
-        /// The last exponent of the continuation, if not the built-in one.
-        last_exponent: Option<f64>,
-    },
-    /// One soft maximum.
-    SoftMax {
-        /// Its exponent, > 0.
         exponent: f64,
     },
 }
@@ -131,7 +68,7 @@ impl Plan {
         Ok(Self {
             name: name(source.path(), config)?,
             source: source.clone(),
-            seed: whole(Some(config.seed), 0, 0..=i64::MAX, &["seed"])? as u64,
+            seed: whole(Some(config.seed), 0, 0..=i64::MAX, &["seed"])?,
             threads: Some(whole(config.threads, 0, 0..=1024, &["threads"])?).filter(|&threads| threads > 0),
             domain: domain(source.path(), config)?,
             centre: centre(config)?,
@@ -187,13 +124,13 @@ fn domain(config_path: &Path, config: &Config) -> Result<DomainSource, Fault> {
     Ok(source)
 }
 
-fn centre(config: &Config) -> Result<Centre, Fault> {
+fn centre(config: &Config) -> Result<CentreChoice, Fault> {
     Ok(match &config.domain.centre {
-        None | Some(CentreValue::Named(CentreName::Kernel)) => Centre::Kernel,
-        Some(CentreValue::Named(CentreName::Centroid)) => Centre::Centroid,
-        Some(CentreValue::Named(CentreName::Bbox)) => Centre::BoundingBox,
-        Some(CentreValue::Named(CentreName::Optimize)) => Centre::Optimize,
-        Some(CentreValue::At(point)) if point.iter().all(|x| x.is_finite()) => Centre::At(*point),
+        None | Some(CentreValue::Named(CentreName::Kernel)) => CentreChoice::Kernel,
+        Some(CentreValue::Named(CentreName::Centroid)) => CentreChoice::Centroid,
+        Some(CentreValue::Named(CentreName::Bbox)) => CentreChoice::BoundingBox,
+        Some(CentreValue::Named(CentreName::Optimize)) => CentreChoice::Optimize,
+        Some(CentreValue::At(point)) if point.iter().all(|x| x.is_finite()) => CentreChoice::At(Vec3::from(*point)),
         Some(CentreValue::At(point)) => {
             let message = format!("the centre {point:?} is not finite");
             return Err(Fault::at(&["domain", "centre"], message, "give three finite coordinates"));
@@ -201,41 +138,40 @@ fn centre(config: &Config) -> Result<Centre, Fault> {
     })
 }
 
-fn mesh(table: &MeshTable) -> Result<MeshPlan, Fault> {
+fn mesh(table: &MeshTable) -> Result<ShellSettings, Fault> {
     let MeshKind::Shell = table.kind;
-    let given = [
-        ("subdivisions", table.subdivisions.is_some()),
-        ("edge_length", table.edge_length.is_some()),
-        ("cells", table.cells.is_some()),
-    ];
-    let mut given = given.into_iter().filter(|(_, given)| *given).map(|(key, _)| key);
-    if let (Some(first), Some(second)) = (given.next(), given.next()) {
-        let message = format!("`{first}` and `{second}` both say how fine the mesh is");
-        return Err(Fault::at(&["mesh", second], message, "keep one of them"));
-    }
-    let fineness = if table.edge_length.is_some() {
-        Fineness::EdgeLength(positive(table.edge_length, 1.0, &["mesh", "edge_length"])?)
-    } else if table.cells.is_some() {
-        Fineness::Cells(whole(table.cells, 1, 1..=100_000_000, &["mesh", "cells"])?)
-    } else {
-        Fineness::Subdivisions(whole(table.subdivisions, 1, 1..=1000, &["mesh", "subdivisions"])?)
+    let refinement = match (table.edge_length, table.cells) {
+        (Some(_), Some(_)) => {
+            let message = "both `edge_length` and `cells` say how far to refine".to_string();
+            return Err(Fault::at(&["mesh", "cells"], message, "keep one of them"));
+        }
+        (Some(length), None) => Some(Refinement::EdgeLength(positive(Some(length), 0.1, &["mesh", "edge_length"])?)),
+        (None, Some(cells)) => {
+            Some(Refinement::Cells(whole(Some(cells), 10_000, 1..=MOST_TETS as i64, &["mesh", "cells"])?))
+        }
+        (None, None) => None,
     };
-    Ok(MeshPlan {
-        fineness,
+    Ok(ShellSettings {
+        subdivisions: whole(table.subdivisions, 1, 1..=1000, &["mesh", "subdivisions"])?,
+        refinement,
         layers: whole(table.layers, 8, 1..=10_000, &["mesh", "layers"])?,
         grading: positive(table.grading, 1.0, &["mesh", "grading"])?,
     })
 }
 
-fn optimize(config: &Config) -> Result<OptimizePlan, Fault> {
+fn optimize(config: &Config) -> Result<OptimizeSettings, Fault> {
     /// Some thirty years: longer than any run, and far from the largest `Duration`.
     const LONGEST: f64 = 1e9;
     let table = &config.optimize;
+    let default = OptimizeSettings::default();
     let key = ["optimize", "exponent"];
-    let exponent = table.exponent.map(|given| positive(Some(given), 48.0, &key)).transpose()?;
-    let objective = match (table.objective, exponent) {
-        (ObjectiveName::Max, last_exponent) => Objective::Max { last_exponent },
-        (ObjectiveName::SoftMax, Some(exponent)) => Objective::SoftMax { exponent },
+    let objective = match (table.objective, table.exponent) {
+        (ObjectiveName::Max, None) => Objective::Max,
+        (ObjectiveName::SoftMax, Some(exponent)) => Objective::SoftMax(positive(Some(exponent), 48.0, &key)?),
+        (ObjectiveName::Max, Some(_)) => {
+            let message = "the objective \"max\" takes no `exponent`".to_string();
+            return Err(Fault::at(&key, message, "remove it, or add objective = \"soft-max\""));
+        }
         (ObjectiveName::SoftMax, None) => {
             let message = "the objective \"soft-max\" needs an `exponent`".to_string();
             return Err(Fault::at(&["optimize", "objective"], message, "add for example exponent = 48"));
@@ -243,11 +179,15 @@ fn optimize(config: &Config) -> Result<OptimizePlan, Fault> {
     };
     let seconds =
         table.time_limit.map(|given| positive(Some(given), 600.0, &["optimize", "time_limit"])).transpose()?;
-    Ok(OptimizePlan {
+    let key = ["optimize", "max_iterations"];
+    Ok(OptimizeSettings {
         objective,
-        engine: table.engine,
-        tolerance: between(table.tolerance, 2e-4, 0.0..1.0, &["optimize", "tolerance"])?,
-        max_iterations: whole(table.max_iterations, 500, 0..=1_000_000_000, &["optimize", "max_iterations"])?,
+        engine: match table.engine {
+            EngineName::Newton => Engine::Newton,
+            EngineName::Lbfgs => Engine::Lbfgs,
+        },
+        tolerance: positive(table.tolerance, default.tolerance, &["optimize", "tolerance"])?,
+        max_iterations: whole(table.max_iterations, default.max_iterations as i64, 0..=1_000_000_000, &key)?,
         time_limit: seconds.map(|seconds| Duration::from_secs_f64(seconds.min(LONGEST))),
     })
 }

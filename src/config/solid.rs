@@ -6,6 +6,7 @@ use serde::Deserialize;
 use super::error::Fault;
 use super::limits::{between, positive, whole};
 use super::{Config, DomainTable};
+use crate::solid::Solid;
 
 /// The name of a built-in solid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
@@ -39,40 +40,6 @@ pub enum SolidName {
     StarHarmonics,
     /// A random star-shaped polyhedron.
     StarPolyhedron,
-}
-
-/// A built-in solid with its parameters.
-#[derive(Clone, Debug, PartialEq)]
-#[expect(missing_docs, reason = "each parameter is documented once, at its key in DomainTable")]
-pub enum Solid {
-    /// The regular tetrahedron.
-    Tetrahedron,
-    /// The cube.
-    Cube,
-    /// The regular octahedron.
-    Octahedron,
-    /// The regular dodecahedron.
-    Dodecahedron,
-    /// The regular icosahedron.
-    Icosahedron,
-    /// A right prism over a regular polygon of circumradius 1.
-    Prism { sides: usize, height: f64 },
-    /// A right pyramid over a regular polygon of circumradius 1.
-    Pyramid { sides: usize, height: f64 },
-    /// Two pyramids base to base, each of this height.
-    Bipyramid { sides: usize, height: f64 },
-    /// A rectangular box.
-    Box { size: [f64; 3] },
-    /// A ball.
-    Ball { radius: f64, resolution: usize },
-    /// A solid torus: radius of the ring's centre line and of its tube.
-    Torus { ring: f64, tube: f64, resolution: usize },
-    /// An ellipsoid.
-    Ellipsoid { radii: [f64; 3], resolution: usize },
-    /// A random smooth star shape.
-    StarHarmonics { amplitude: f64, degree: usize, resolution: usize, seed: u64 },
-    /// A random star-shaped polyhedron.
-    StarPolyhedron { amplitude: f64, resolution: usize, seed: u64 },
 }
 
 /// One row a parameter: its key, whether it was given, and the solids it belongs to.
@@ -122,9 +89,9 @@ pub(super) fn build(name: SolidName, config: &Config) -> Result<Solid, Fault> {
     let domain = &config.domain;
     let sides = || whole(domain.sides, 4, 3..=100_000, &["domain", "sides"]);
     let height = || positive(domain.height, 1.0, &["domain", "height"]);
-    let resolution = || whole(domain.resolution, 8, 1..=1000, &["domain", "resolution"]);
+    let resolution = |least| whole(domain.resolution, 8, least..=1000, &["domain", "resolution"]);
     let amplitude = || between(domain.amplitude, 0.3, 0.0..1.0, &["domain", "amplitude"]);
-    let seed = || whole(Some(config.seed), 0, 0..=i64::MAX, &["seed"]).map(|seed| seed as u64);
+    let seed = || whole(Some(config.seed), 0, 0..=i64::MAX, &["seed"]);
     Ok(match name {
         SolidName::Tetrahedron => Solid::Tetrahedron,
         SolidName::Cube => Solid::Cube,
@@ -136,27 +103,28 @@ pub(super) fn build(name: SolidName, config: &Config) -> Result<Solid, Fault> {
         SolidName::Bipyramid => Solid::Bipyramid { sides: sides()?, height: height()? },
         SolidName::Box => Solid::Box { size: lengths(&domain.size, [1.0, 2.0, 3.0], "size")? },
         SolidName::Ball => {
-            Solid::Ball { radius: positive(domain.radius, 1.0, &["domain", "radius"])?, resolution: resolution()? }
+            Solid::Ball { radius: positive(domain.radius, 1.0, &["domain", "radius"])?, resolution: resolution(1)? }
         }
         SolidName::Torus => {
-            let [ring, tube] = lengths(&domain.radii, [2.0, 1.0], "radii")?;
-            if ring <= tube {
-                let message = format!("the ring's radius {ring} is not larger than the tube's {tube}");
+            let [major_radius, minor_radius] = lengths(&domain.radii, [2.0, 1.0], "radii")?;
+            if major_radius <= minor_radius {
+                let message = format!("the ring's radius {major_radius} is not larger than the tube's {minor_radius}");
                 return Err(Fault::at(&["domain", "radii"], message, "give [ring, tube] with ring > tube"));
             }
-            Solid::Torus { ring, tube, resolution: resolution()? }
+            // A tube has three segments or more.
+            Solid::Torus { major_radius, minor_radius, resolution: resolution(3)? }
         }
         SolidName::Ellipsoid => {
-            Solid::Ellipsoid { radii: lengths(&domain.radii, [1.0, 2.0, 3.0], "radii")?, resolution: resolution()? }
+            Solid::Ellipsoid { radii: lengths(&domain.radii, [1.0, 2.0, 3.0], "radii")?, resolution: resolution(1)? }
         }
-        SolidName::StarHarmonics => Solid::StarHarmonics {
+        SolidName::StarHarmonics => Solid::SmoothStar {
             amplitude: amplitude()?,
-            degree: whole(domain.degree, 4, 1..=32, &["domain", "degree"])?,
-            resolution: resolution()?,
+            degree: whole(domain.degree, 4, 1..=16, &["domain", "degree"])?,
+            resolution: resolution(1)?,
             seed: seed()?,
         },
         SolidName::StarPolyhedron => {
-            Solid::StarPolyhedron { amplitude: amplitude()?, resolution: resolution()?, seed: seed()? }
+            Solid::PolyhedralStar { amplitude: amplitude()?, resolution: resolution(1)?, seed: seed()? }
         }
     })
 }

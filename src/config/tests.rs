@@ -1,6 +1,9 @@
 use std::path::Path;
 
 use super::*;
+use crate::mesh::Vec3;
+use crate::optimize::{Engine, Objective, OptimizeSettings};
+use crate::solid::{CentreChoice, Refinement, ShellSettings, Solid};
 
 /// A config file in a folder of its own, named `case.toml`.
 fn plan(text: &str, overrides: &[&str]) -> Result<Plan, ConfigError> {
@@ -24,33 +27,29 @@ fn the_least_config_has_the_documented_defaults() {
     let plan = plan("[domain]\nsolid = \"cube\"", &[]).unwrap();
     assert_eq!(plan.name, "case");
     assert_eq!((plan.seed, plan.threads), (0, None));
-    assert_eq!((plan.domain, plan.centre), (DomainSource::Solid(Solid::Cube), Centre::Kernel));
-    assert_eq!(plan.mesh, MeshPlan { fineness: Fineness::Subdivisions(1), layers: 8, grading: 1.0 });
+    assert_eq!((plan.domain, plan.centre), (DomainSource::Solid(Solid::Cube), CentreChoice::Kernel));
+    assert_eq!(plan.mesh, ShellSettings { subdivisions: 1, refinement: None, layers: 8, grading: 1.0 });
     assert_eq!(plan.map, InitialMap::Radial { exponent: 1.0 });
-    let expected = OptimizePlan {
-        objective: Objective::Max { last_exponent: None },
-        engine: Engine::Newton,
-        tolerance: 2e-4,
-        max_iterations: 500,
-        time_limit: None,
-    };
-    assert_eq!(plan.optimize, expected);
+    assert_eq!(plan.optimize, OptimizeSettings::default());
 }
 
 #[test]
 fn every_key_arrives() {
     let text = "name = \"fine\"\nseed = 7\nthreads = 2\n[domain]\nsolid = \"star-harmonics\"\namplitude = 0.5\n\
-                degree = 6\nresolution = 16\ncentre = [0, 0.5, 1]\n[mesh]\nkind = \"shell\"\ncells = 1000\nlayers = 3\n\
+                degree = 6\nresolution = 16\ncentre = [0, 0.5, 1]\n[mesh]\nkind = \"shell\"\nsubdivisions = 2\ncells = 1000\nlayers = 3\n\
                 grading = 1.5\n[map]\nkind = \"radial\"\nexponent = 2\n[optimize]\nobjective = \"soft-max\"\n\
                 exponent = 16\nengine = \"lbfgs\"\ntolerance = 1e-3\nmax_iterations = 9\ntime_limit = 0.5";
     let plan = plan(text, &[]).unwrap();
     assert_eq!((plan.name.as_str(), plan.seed, plan.threads), ("fine", 7, Some(2)));
-    let solid = Solid::StarHarmonics { amplitude: 0.5, degree: 6, resolution: 16, seed: 7 };
-    assert_eq!((plan.domain, plan.centre), (DomainSource::Solid(solid), Centre::At([0.0, 0.5, 1.0])));
-    assert_eq!(plan.mesh, MeshPlan { fineness: Fineness::Cells(1000), layers: 3, grading: 1.5 });
+    let solid = Solid::SmoothStar { amplitude: 0.5, degree: 6, resolution: 16, seed: 7 };
+    assert_eq!((plan.domain, plan.centre), (DomainSource::Solid(solid), CentreChoice::At(Vec3::new(0.0, 0.5, 1.0))));
+    assert_eq!(
+        plan.mesh,
+        ShellSettings { subdivisions: 2, refinement: Some(Refinement::Cells(1000)), layers: 3, grading: 1.5 }
+    );
     assert_eq!(plan.map, InitialMap::Radial { exponent: 2.0 });
-    let expected = OptimizePlan {
-        objective: Objective::SoftMax { exponent: 16.0 },
+    let expected = OptimizeSettings {
+        objective: Objective::SoftMax(16.0),
         engine: Engine::Lbfgs,
         tolerance: 1e-3,
         max_iterations: 9,
@@ -122,12 +121,16 @@ fn faults_name_line_key_and_remedy() {
         (&format!("{cube}[mesh]\nlayers = \"3\""), &["case.toml:4: `mesh.layers`", "a whole number"]),
         (&format!("{cube}[mesh]\ngrading = -1"), &["case.toml:4: `mesh.grading` is -1", "greater than 0"]),
         (&format!("{cube}mesh = {{ cells = 9,\n edge_length = 1 }}"), &["unknown key `domain.mesh`"]),
-        (&format!("{cube}[mesh]\ncells = 9\nedge_length = 1"), &["`edge_length` and `cells` both"]),
+        (&format!("{cube}[mesh]\ncells = 9\nedge_length = 1"), &["case.toml:4: both `edge_length` and `cells`"]),
         (&format!("{cube}[map]\nexponent = -2"), &["case.toml:4: `map.exponent` is -2"]),
         (&format!("{cube}[map]\nexponent = inf"), &["case.toml:4: `map.exponent` is inf"]),
-        (&format!("{cube}[optimize]\nexponent = -1"), &["case.toml:4: `optimize.exponent` is -1"]),
+        (
+            &format!("{cube}[optimize]\nexponent = -1\nobjective = \"soft-max\""),
+            &["case.toml:4: `optimize.exponent` is -1"],
+        ),
+        (&format!("{cube}[optimize]\nexponent = 4"), &["case.toml:4: the objective \"max\" takes no `exponent`"]),
         (&format!("{cube}[optimize]\nobjective = \"soft-max\""), &["case.toml:4", "needs an `exponent`"]),
-        (&format!("{cube}[optimize]\ntolerance = 1"), &["case.toml:4: `optimize.tolerance` is 1"]),
+        (&format!("{cube}[optimize]\ntolerance = 0"), &["case.toml:4: `optimize.tolerance` is 0"]),
         (&format!("{cube}[optimize]\nmax_iterations = -1"), &["case.toml:4: `optimize.max_iterations` is -1"]),
         ("seed = -1\n[domain]\nsolid = \"cube\"", &["case.toml:1: `seed` is -1"]),
         ("threads = -1\n[domain]\nsolid = \"cube\"", &["case.toml:1: `threads` is -1"]),

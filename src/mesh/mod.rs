@@ -11,6 +11,7 @@ mod place;
 mod quality;
 mod tet_mesh;
 
+pub(crate) use boundary::DisjointSets;
 pub use boundary::{Boundary, TopologyError};
 pub use boundary_edges::{BoundaryEdge, BoundaryEdges};
 pub use features::Features;

@@ -1,18 +1,102 @@
-//! Moving the interior vertices: engines, stop reasons, the trace.
+//! Moving the free vertices: the continuation, its engines, stop reasons and the trace.
+//!
+//! The minimax problem min max K is approached through soft maxima E_p of growing exponent p and ended by a logarithmic
+//! barrier (design.md §5.4). Every accepted step keeps all image determinants positive, so a bijective start stays one.
 
+mod barrier;
+mod lbfgs;
+mod newton;
+mod untangle;
+
+use std::time::{Duration, Instant};
+
+use rayon::prelude::*;
 use serde::Serialize;
+
+use crate::dilatation::Dilatation;
+use crate::domain::Domain;
+use crate::linalg::SparseError;
+use crate::mesh::Vec3;
+use crate::objective::Assembly;
+use newton::PhaseEnd;
+pub use untangle::{Untangled, flipped_tets, untangle};
+
+/// Exponents of the continuation, each phase started from the last. Steps of about three: with larger ones the next
+/// phase starts far from its minimum and ends in a worse local one.
+const EXPONENTS: [f64; 7] = [1.0, 4.0, 16.0, 48.0, 128.0, 384.0, 1024.0];
+/// The exponents up to here come before the barrier; higher ones only push up the mean that the barrier lowers again.
+const LAST_BEFORE_BARRIER: f64 = 48.0;
+/// Fall in ln K of a step which ends all but the last phase: 2e-4 was found enough, ending earlier costs more than it
+/// saves (design.md §5.4).
+const PHASE_TOLERANCE: f64 = 2e-4;
+
+/// What is minimised.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Objective {
+    /// The largest K of all tets.
+    Max,
+    /// The soft maximum E_p with this exponent p > 0.
+    SoftMax(f64),
+}
+
+/// Which algorithm minimises the soft maxima.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Engine {
+    /// Projected Newton with a sparse Cholesky factorisation.
+    Newton,
+    /// argmin's L-BFGS.
+    Lbfgs,
+}
+
+/// The settings of one optimisation.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OptimizeSettings {
+    /// What is minimised.
+    pub objective: Objective,
+    /// By which algorithm.
+    pub engine: Engine,
+    /// Accuracy in ln K at which the last phase ends, > 0.
+    pub tolerance: f64,
+    /// Most iterations over all phases.
+    pub max_iterations: usize,
+    /// Most wall time; where it is set, results depend on the machine's speed.
+    pub time_limit: Option<Duration>,
+}
+
+impl Default for OptimizeSettings {
+    fn default() -> Self {
+        Self {
+            objective: Objective::Max,
+            engine: Engine::Newton,
+            tolerance: 1e-6,
+            max_iterations: 1000,
+            time_limit: None,
+        }
+    }
+}
+
+/// Why an optimisation could not start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum OptimizeError {
+    /// The start is not injective, so K is infinite there.
+    #[error("{0} tets of the start are flipped or flat; the optimisation needs a start without any")]
+    FlippedStart(usize),
+    /// The Newton system does not fit.
+    #[error("the Newton system of this mesh cannot be held: {0}")]
+    System(#[from] SparseError),
+}
 
 /// Why an optimisation ended. A reason, never an error: bad input is refused before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum StopReason {
-    /// The last stage's relative decrease fell below its tolerance.
+    /// The last phase reached its tolerance.
     Converged,
     /// The iteration limit was reached.
     IterationLimit,
     /// The time limit was reached.
     TimeLimit,
-    /// No step along the search direction lowered the objective.
+    /// No step along the search direction lowered the objective in the last phase.
     NoProgress,
     /// There is no free vertex.
     NothingFree,
@@ -25,14 +109,162 @@ pub struct TraceRow {
     pub phase: String,
     /// Iteration over all phases, from 1; row 0 is the start.
     pub iteration: usize,
-    /// The phase's objective.
+    /// The phase's objective in units of ln K: E_p, or the barrier's bound.
     pub objective: f64,
-    /// Largest K, measured.
+    /// Largest K of the positions after the step.
     pub max_k: f64,
-    /// Mean K, measured.
+    /// Mean K of the positions after the step.
     pub mean_k: f64,
     /// Accepted step length along the search direction.
     pub step: f64,
     /// Seconds since the start.
     pub seconds: f64,
+}
+
+/// How an optimisation ended.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// Image positions: for [`Objective::Max`] the iterate of least measured max K, for soft maxima the last one.
+    pub positions: Vec<Vec3>,
+    /// Why it ended.
+    pub stop: StopReason,
+    /// One row an iteration, and row 0 for the start.
+    pub trace: Vec<TraceRow>,
+}
+
+/// Moves the vertices with `fixed[vertex] == false` from `start` so that the objective falls; `observe` sees each row.
+///
+/// # Errors
+/// A flipped start, or a system that cannot be held.
+pub fn optimize(
+    domain: &Domain,
+    start: &[Vec3],
+    fixed: &[bool],
+    settings: &OptimizeSettings,
+    observe: &mut dyn FnMut(&TraceRow),
+) -> Result<Outcome, OptimizeError> {
+    let mut assembly = Assembly::new(domain, fixed)?;
+    let flipped = assembly.singular_values(start).iter().filter(|s| s[2] <= 0.0).count();
+    if flipped > 0 {
+        return Err(OptimizeError::FlippedStart(flipped));
+    }
+    let mut image = start.to_vec();
+    let mut recorder = Recorder::new(domain, start, settings, observe);
+    let end = if assembly.free().is_empty() {
+        None
+    } else {
+        Some(continuation(&mut assembly, &mut image, settings, &mut recorder))
+    };
+    let stop = match end {
+        None => StopReason::NothingFree,
+        Some(PhaseEnd::Converged) => StopReason::Converged,
+        Some(PhaseEnd::NoProgress) => StopReason::NoProgress,
+        Some(PhaseEnd::Interrupted) if recorder.rows.len() > settings.max_iterations => StopReason::IterationLimit,
+        Some(PhaseEnd::Interrupted) => StopReason::TimeLimit,
+    };
+    let positions = match settings.objective {
+        Objective::Max => recorder.best,
+        Objective::SoftMax(_) => image,
+    };
+    Ok(Outcome { positions, stop, trace: recorder.rows })
+}
+
+fn continuation(
+    assembly: &mut Assembly<'_>,
+    image: &mut Vec<Vec3>,
+    settings: &OptimizeSettings,
+    recorder: &mut Recorder<'_>,
+) -> PhaseEnd {
+    let phase =
+        |assembly: &mut Assembly<'_>, image: &mut Vec<Vec3>, exponent, tolerance, recorder: &mut Recorder<'_>| {
+            match settings.engine {
+                Engine::Newton => newton::soft_max_phase(assembly, image, exponent, tolerance, recorder),
+                Engine::Lbfgs => lbfgs::soft_max_phase(assembly, image, exponent, tolerance, recorder),
+            }
+        };
+    let last = match settings.objective {
+        Objective::Max => LAST_BEFORE_BARRIER,
+        Objective::SoftMax(exponent) => exponent,
+    };
+    let before = EXPONENTS.into_iter().filter(|&p| p < last || settings.objective == Objective::Max && p == last);
+    for exponent in before {
+        // A phase that makes no progress is no reason to end: the next one has another objective.
+        if phase(assembly, image, exponent, PHASE_TOLERANCE, recorder) == PhaseEnd::Interrupted {
+            return PhaseEnd::Interrupted;
+        }
+    }
+    match settings.objective {
+        Objective::Max => barrier::barrier_phase(assembly, image, settings.tolerance, recorder),
+        Objective::SoftMax(exponent) => phase(assembly, image, exponent, settings.tolerance, recorder),
+    }
+}
+
+/// Whether a phase goes on after an iteration was recorded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Progress {
+    Continue,
+    Stop,
+}
+
+/// Measures each iterate, keeps the best one and the trace, and watches the limits.
+struct Recorder<'a> {
+    domain: &'a Domain,
+    start: Instant,
+    max_iterations: usize,
+    time_limit: Option<Duration>,
+    observe: &'a mut dyn FnMut(&TraceRow),
+    rows: Vec<TraceRow>,
+    best: Vec<Vec3>,
+    best_k: f64,
+}
+
+impl<'a> Recorder<'a> {
+    fn new(
+        domain: &'a Domain,
+        image: &[Vec3],
+        settings: &OptimizeSettings,
+        observe: &'a mut dyn FnMut(&TraceRow),
+    ) -> Self {
+        let mut recorder = Self {
+            domain,
+            start: Instant::now(),
+            max_iterations: settings.max_iterations,
+            time_limit: settings.time_limit,
+            observe,
+            rows: Vec::new(),
+            best: image.to_vec(),
+            best_k: f64::INFINITY,
+        };
+        recorder.record("start", f64::INFINITY, 0.0, image);
+        recorder
+    }
+
+    fn record(&mut self, phase: &str, objective: f64, step: f64, image: &[Vec3]) -> Progress {
+        let tets = self.domain.mesh().tets().len() as u32;
+        let dilatations: Vec<f64> = (0..tets)
+            .into_par_iter()
+            .with_min_len(1024)
+            .map(|t| Dilatation::of(&self.domain.jacobian(crate::mesh::TetId(t), image)).k())
+            .collect();
+        let max_k = dilatations.iter().copied().fold(1.0, f64::max);
+        if max_k < self.best_k {
+            self.best_k = max_k;
+            self.best.clear();
+            self.best.extend_from_slice(image);
+        }
+        let row = TraceRow {
+            phase: phase.into(),
+            iteration: self.rows.len(),
+            objective,
+            max_k,
+            mean_k: dilatations.iter().sum::<f64>() / dilatations.len() as f64,
+            step,
+            seconds: self.start.elapsed().as_secs_f64(),
+        };
+        (self.observe)(&row);
+        self.rows.push(row);
+        let out_of_time = self.time_limit.is_some_and(|limit| self.start.elapsed() >= limit);
+        // Row 0 is the start.
+        if out_of_time || self.rows.len() > self.max_iterations { Progress::Stop } else { Progress::Continue }
+    }
 }

@@ -4,7 +4,8 @@ use serde::Serialize;
 
 use crate::bound::LowerBound;
 use crate::domain::Domain;
-use crate::mesh::{Vec3, VertexId, smallest_dihedral_angle};
+use crate::mesh::{VertexId, smallest_dihedral_angle};
+use crate::solid::StarCentre;
 
 /// The size and shape of a domain.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -24,16 +25,19 @@ pub struct DomainFigures {
     /// Volume, in the solid's units cubed.
     pub volume: f64,
     /// Smallest dihedral angle of any tet, in degrees.
-    pub smallest_angle: f64,
+    pub smallest_dihedral_angle: f64,
     /// The star centre, in the solid's units.
     pub centre: Option<[f64; 3]>,
-    /// Radius of the largest ball of star centres about `centre`, in the solid's units.
+    /// Radius of the largest ball of star centres, in the solid's units.
     pub kernel_radius: Option<f64>,
+    /// The alpha of the paper's geometric condition: the least angle between a ray from `centre` and the plane of the
+    /// triangle that it meets, in degrees.
+    pub smallest_angle: Option<f64>,
 }
 
 impl DomainFigures {
-    /// Counts and measures `domain`; what is known of its centre is taken as given.
-    pub fn of(domain: &Domain, solid: String, centre: Option<Vec3>, kernel_radius: Option<f64>) -> Self {
+    /// Counts and measures `domain`; what is known of its star centre, if it has one, is taken as given.
+    pub fn of(domain: &Domain, solid: String, centre: Option<&StarCentre>) -> Self {
         let mesh = domain.mesh();
         Self {
             solid,
@@ -43,9 +47,10 @@ impl DomainFigures {
             boundary_vertices: domain.boundary().vertex_mask().iter().filter(|&&on| on).count(),
             boundary_triangles: domain.boundary().triangles().len(),
             volume: domain.volumes().iter().sum(),
-            smallest_angle: smallest_dihedral_angle(mesh),
-            centre: centre.map(Into::into),
-            kernel_radius,
+            smallest_dihedral_angle: smallest_dihedral_angle(mesh),
+            centre: centre.map(|centre| centre.position.into()),
+            kernel_radius: centre.map(|centre| centre.kernel_radius),
+            smallest_angle: centre.map(|centre| centre.smallest_angle.to_degrees()),
         }
     }
 }

@@ -13,12 +13,13 @@ const COLUMNS: usize = 80;
 pub fn summary(report: &Report) -> String {
     let domain = &report.domain;
     let centre = domain.centre.map(|[x, y, z]| {
-        let radius = domain.kernel_radius.map(|r| format!(", {r:.4} inside the kernel")).unwrap_or_default();
-        format!("({x:.4}, {y:.4}, {z:.4}){radius}")
+        let radius = domain.kernel_radius.map(|r| format!(", kernel radius {r:.4}")).unwrap_or_default();
+        let angle = domain.smallest_angle.map(|a| format!(", rays meet faces at {a:.2} degrees or more"));
+        format!("({x:.4}, {y:.4}, {z:.4}){radius}{}", angle.unwrap_or_default())
     });
     let mesh = format!(
         "{} vertices ({} on the boundary), {} tets ({} locked), smallest dihedral angle {:.2} degrees",
-        domain.vertices, domain.boundary_vertices, domain.tets, domain.locked, domain.smallest_angle
+        domain.vertices, domain.boundary_vertices, domain.tets, domain.locked, domain.smallest_dihedral_angle
     );
     let bijective = format!("{}: {}", if report.bijective { "yes" } else { "no" }, report.bijective_reason);
     let time = format!("{:.1} s on {} thread{}", report.times.seconds, report.times.threads, s(report.times.threads));

@@ -4,6 +4,7 @@ use crate::domain::Domain;
 use crate::measure::{bottleneck, measure};
 use crate::mesh::{TetId, TetMesh, Vec3, VertexId};
 use crate::optimize::TraceRow;
+use crate::solid::StarCentre;
 
 /// A corner of a cube split at an inner vertex, whose image is moved; `flip` moves it out.
 fn domain_and_images(flip: bool) -> (Domain, Vec<Vec3>, Vec<Vec3>) {
@@ -36,6 +37,7 @@ fn write(flip: bool) -> (tempfile::TempDir, Report) {
     let (domain, initial, image) = domain_and_images(flip);
     let (before, after) = (measure(&domain, &initial), measure(&domain, &image));
     let bounds = vec![bound(1.01, true, true), bound(7.0, false, true), bound(8.0, true, false)];
+    let centre = StarCentre { position: Vec3::repeat(0.2), kernel_radius: 0.1, smallest_angle: 0.5 };
     let report = Report {
         name: "case".into(),
         version: Report::VERSION,
@@ -44,7 +46,7 @@ fn write(flip: bool) -> (tempfile::TempDir, Report) {
         config_hash: "0".into(),
         overrides: vec!["mesh.layers=2".into()],
         seed: 3,
-        domain: DomainFigures::of(&domain, "cube corner".into(), Some(Vec3::zeros()), None),
+        domain: DomainFigures::of(&domain, "cube corner".into(), Some(&centre)),
         initial: before.summary.clone(),
         last: after.summary.clone(),
         bijective: !flip,

@@ -3,10 +3,9 @@
 //! A file is a stream of tokens, laid out over lines as one likes: keyword, count, entries. Indices count from 1, every
 //! entry ends with a reference number, and `#` starts a comment.
 
-use std::fs;
 use std::path::Path;
 
-use super::{ReadError, WriteError, write_atomically};
+use super::{ReadError, WriteError, read_bytes, write_atomically};
 use crate::mesh::{TetSoup, Vec3, VertexId};
 
 /// Sections of volume cells that are not tetrahedra: skipping them would quietly drop a part of the solid.
@@ -17,8 +16,7 @@ const OTHER_CELLS: [&str; 4] = ["Hexahedra", "Prisms", "Pyramids", "Wedges"];
 /// # Errors
 /// The path, the line and what is wrong there.
 pub fn read_medit(path: &Path) -> Result<TetSoup, ReadError> {
-    let bytes = fs::read(path).map_err(|source| ReadError::Io { path: path.to_path_buf(), source })?;
-    parse(&bytes).map_err(|(line, message)| ReadError::Content { path: path.to_path_buf(), line, message })
+    parse(&read_bytes(path)?).map_err(|(line, message)| ReadError::Malformed { path: path.into(), line, message })
 }
 
 /// Writes a Medit file; coordinates have 17 significant digits, so that reading gives the same bits.
@@ -178,9 +176,6 @@ fn truncated(line: usize, section: &str, missing: &str) -> Fault {
 }
 
 fn parse(bytes: &[u8]) -> Result<TetSoup, Fault> {
-    if bytes.is_empty() {
-        return Err((None, "the file is empty; a Medit mesh starts with `MeshVersionFormatted 2`".into()));
-    }
     let (vertices, tetrahedra) = find_sections(bytes)?;
     let points = vertices.read(|field| {
         let mut point = Vec3::zeros();

@@ -1,70 +1,193 @@
 //! File formats, one per file.
+//!
+//! Every reader takes the whole file as bytes, so that a count in a header can be held against what is there before
+//! anything is allocated for it.
 
 mod atomic;
 mod medit;
+mod obj;
+mod off;
+mod ply;
+mod stl;
 mod vtu;
 
 pub use atomic::{WriteError, check_folder_is_writable, write_atomically};
 pub use medit::{read_medit, write_medit};
 pub use vtu::{DataArray, Values, write_vtu};
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-use super::TetSoup;
+use super::{PolygonSoup, TetSoup, Vec3, VertexId};
 
-/// Why a mesh file could not be read.
+/// The endings [`read_surface`] knows.
+const SURFACE_ENDINGS: &str = ".obj, .off, .ply, .stl";
+/// The endings [`read_tets`] knows.
+const TET_ENDINGS: &str = ".mesh (Medit in ASCII)";
+
+/// Why a file could not be read.
+///
+/// Lines count from 1, as editors do; vertices and faces from 0, as everywhere in this crate.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
-    /// The operating system refused: no such file, a directory, no permission.
+    /// The operating system refused.
     #[error("cannot read {}: {source}", path.display())]
-    Io {
+    Open {
         /// The file.
         path: PathBuf,
-        /// The system's reason.
+        /// What the system said.
         source: std::io::Error,
     },
-    /// The file does not hold what its format asks for.
-    #[error("{}{}: {message}", path.display(), line.map(|l| format!(":{l}")).unwrap_or_default())]
-    Content {
+    /// The path names a directory.
+    #[error("{} is a directory; name a file in it", path.display())]
+    Directory {
+        /// The path.
+        path: PathBuf,
+    },
+    /// The file holds nothing.
+    #[error("{} is empty", path.display())]
+    Empty {
         /// The file.
         path: PathBuf,
-        /// The line, counted from 1, where one is to blame.
-        line: Option<usize>,
-        /// What is wrong and what to do.
-        message: String,
     },
-    /// The format follows the file's ending, and this one is not known.
-    #[error("{}: unknown file ending; known are {known}", path.display())]
+    /// The ending tells no format that is read here.
+    #[error("{}: unknown file ending \"{ending}\"; use one of {known}", path.display())]
     UnknownEnding {
         /// The file.
         path: PathBuf,
-        /// The endings that are known.
+        /// Its ending, without the dot; empty if there is none.
+        ending: String,
+        /// The endings that are known here.
         known: &'static str,
+    },
+    /// The text or the bytes do not follow the format.
+    #[error("{}: {message}", place(path, *line))]
+    Malformed {
+        /// The file.
+        path: PathBuf,
+        /// The line, where the format has lines and the fault can be tied to one.
+        line: Option<usize>,
+        /// What is wrong and, where that is not plain, what to do.
+        message: String,
+    },
+    /// The file ends before everything it promises.
+    #[error("{}: the file ends too early: {message}", place(path, *line))]
+    Truncated {
+        /// The file.
+        path: PathBuf,
+        /// The last line.
+        line: Option<usize>,
+        /// What was promised and what is there.
+        message: String,
+    },
+    /// A coordinate is NaN or infinite.
+    #[error("{}: vertex {vertex} (counted from 0) has a coordinate that is not finite", place(path, *line))]
+    NotFinite {
+        /// The file.
+        path: PathBuf,
+        /// The vertex's line.
+        line: Option<usize>,
+        /// The vertex, in the order of the file.
+        vertex: usize,
+    },
+    /// A face or cell names a vertex that does not exist.
+    #[error(
+        "{}: face {face} (counted from 0) names vertex {index}, but the file has {count} vertices, numbered from {first}",
+        place(path, *line)
+    )]
+    IndexOutOfRange {
+        /// The file.
+        path: PathBuf,
+        /// The face's line.
+        line: Option<usize>,
+        /// The face or cell, in the order of the file.
+        face: usize,
+        /// The vertex as the file writes it.
+        index: i128,
+        /// How many vertices there are.
+        count: usize,
+        /// The number the format gives to the first vertex.
+        first: u8,
     },
 }
 
-/// Reads a tetrahedral mesh; the format follows the file's ending.
+/// `path:line`, or the path alone.
+fn place(path: &Path, line: Option<usize>) -> String {
+    match line {
+        Some(line) => format!("{}:{line}", path.display()),
+        None => path.display().to_string(),
+    }
+}
+
+/// Reads a surface; the file's ending (in any case) tells the format: OBJ, OFF, PLY or STL.
+///
+/// Polygons keep the file's order. Points are those of the file except that OBJ and STL points with equal coordinates
+/// become one, since these formats (or their usual writers) repeat a point for each face or texture seam.
 ///
 /// # Errors
-/// Where and why the file could not be read, or that its ending is not known.
+/// [`ReadError`], with the path and, where the format allows it, the line or the element.
+pub fn read_surface(path: &Path) -> Result<PolygonSoup, ReadError> {
+    let ending = ending_of(path);
+    let reader = match ending.as_str() {
+        "obj" => obj::read,
+        "off" => off::read,
+        "ply" => ply::read,
+        "stl" => stl::read,
+        _ => return Err(ReadError::UnknownEnding { path: path.into(), ending, known: SURFACE_ENDINGS }),
+    };
+    reader(path, &read_bytes(path)?)
+}
+
+/// Reads a tetrahedral mesh; the file's ending (in any case) tells the format: Medit.
+///
+/// # Errors
+/// [`ReadError`], with the path and, where the format allows it, the line.
 pub fn read_tets(path: &Path) -> Result<TetSoup, ReadError> {
-    let ending = path.extension().map(|ending| ending.to_ascii_lowercase());
-    match ending.as_deref().and_then(|ending| ending.to_str()) {
-        Some("mesh") => read_medit(path),
-        _ => Err(ReadError::UnknownEnding { path: path.to_path_buf(), known: ".mesh (Medit, ASCII)" }),
+    match ending_of(path) {
+        ending if ending == "mesh" => read_medit(path),
+        ending => Err(ReadError::UnknownEnding { path: path.into(), ending, known: TET_ENDINGS }),
     }
+}
+
+/// The file's ending in lower case, without the dot; empty if there is none.
+fn ending_of(path: &Path) -> String {
+    path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default()
+}
+
+/// The whole file; a directory or an empty file is refused.
+fn read_bytes(path: &Path) -> Result<Vec<u8>, ReadError> {
+    if path.is_dir() {
+        return Err(ReadError::Directory { path: path.into() });
+    }
+    let bytes = std::fs::read(path).map_err(|source| ReadError::Open { path: path.into(), source })?;
+    if bytes.iter().all(u8::is_ascii_whitespace) {
+        return Err(ReadError::Empty { path: path.into() });
+    }
+    Ok(bytes)
+}
+
+/// Gives one index to all points with equal coordinates, in the order of first appearance.
+#[derive(Default)]
+struct Weld {
+    points: Vec<Vec3>,
+    index_of: HashMap<[u64; 3], VertexId>,
+}
+
+impl Weld {
+    fn add(&mut self, point: Vec3) -> VertexId {
+        // Adding zero makes -0 and 0 the same bits.
+        let key = [point.x, point.y, point.z].map(|x| (x + 0.0).to_bits());
+        *self.index_of.entry(key).or_insert_with(|| {
+            self.points.push(point);
+            VertexId(self.points.len() as u32 - 1)
+        })
+    }
+}
+
+/// The first vertex with a NaN or infinite coordinate.
+fn first_not_finite(points: &[Vec3]) -> Option<usize> {
+    points.iter().position(|point| !point.iter().all(|x| x.is_finite()))
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn unknown_endings_are_refused_before_reading() {
-        for name in ["a.meshb", "mesh", "a", ""] {
-            let error = read_tets(Path::new(name)).unwrap_err();
-            assert!(matches!(error, ReadError::UnknownEnding { .. }), "{name}: {error}");
-        }
-        assert!(matches!(read_tets(Path::new("no/such.MESH")).unwrap_err(), ReadError::Io { .. }));
-    }
-}
+mod tests;

@@ -25,7 +25,6 @@ fn any_layout_and_order_reads_the_same() {
 #[test]
 fn faults_name_their_line() {
     let cases = [
-        ("", None, "empty"),
         ("# only a comment\n", None, "no section `Vertices`"),
         ("OFF\n3 1 0\n", Some(1), "not a Medit mesh"),
         (&GOOD.replace("Dimension 3", "Dimension 2"), Some(2), "dimension"),
@@ -55,12 +54,13 @@ fn faults_name_their_line() {
 }
 
 #[test]
-fn missing_files_and_folders_are_named() {
+fn missing_folders_and_empty_files_are_named() {
     let folder = tempfile::tempdir().unwrap();
-    for path in [folder.path(), &folder.path().join("none.mesh")] {
-        let message = read_medit(path).unwrap_err().to_string();
-        assert!(message.starts_with(&format!("cannot read {}: ", path.display())), "{message}");
-    }
+    let empty = folder.path().join("empty.mesh");
+    std::fs::write(&empty, " \n").unwrap();
+    assert!(matches!(read_medit(folder.path()), Err(ReadError::Directory { .. })));
+    assert!(matches!(read_medit(&folder.path().join("none.mesh")), Err(ReadError::Open { .. })));
+    assert!(matches!(read_medit(&empty), Err(ReadError::Empty { .. })));
 }
 
 proptest! {

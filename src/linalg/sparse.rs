@@ -1,0 +1,241 @@
+//! The sparse symmetric positive definite solve of the Newton step: 3x3 blocks on a vertex graph, faer's Cholesky.
+//!
+//! The only file that knows faer. The fill-reducing order is METIS nested dissection of the *vertex* graph expanded by
+//! three (feral-metis): against faer's own AMD it is 2 times faster at 10,000 vertices and 4 times at 50,000.
+
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::perm::PermRef;
+use faer::sparse::linalg::cholesky::{
+    CholeskySymbolicParams, LltRef, SymbolicCholesky, SymmetricOrdering, factorize_symbolic_cholesky,
+};
+use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
+use faer::{Conj, MatMut, Par, Side, Spec};
+
+/// Why a sparse system cannot be set up or solved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum SparseError {
+    /// The factor has more entries than can be indexed or allocated.
+    #[error("the sparse factor does not fit in memory")]
+    TooLarge,
+    /// A pivot was not positive: the matrix is not positive definite in floating point.
+    #[error("the matrix is not positive definite")]
+    NotPositiveDefinite,
+}
+
+/// A symmetric matrix of 3x3 blocks with a fixed pattern, factorised again and again with new values.
+///
+/// The lower triangle is stored by block columns: block column `j` holds `3 * 3 * (blocks in column j)` values, as three
+/// scalar columns of full height each (the diagonal block is stored whole).
+pub struct BlockCholesky {
+    column_starts: Vec<usize>,
+    rows: Vec<u32>,
+    pattern: SymbolicSparseColMat<usize>,
+    symbolic: SymbolicCholesky<usize>,
+    values: Vec<f64>,
+    factor: Vec<f64>,
+    factor_memory: MemBuffer,
+    solve_memory: MemBuffer,
+}
+
+impl BlockCholesky {
+    /// Analyses the pattern given as edges `(row, column)` with `row > column` between `block_count` blocks; the diagonal
+    /// is always there.
+    ///
+    /// # Errors
+    /// [`SparseError::TooLarge`].
+    pub fn new(block_count: usize, edges: &[(u32, u32)]) -> Result<Self, SparseError> {
+        let mut entries: Vec<(u32, u32)> = edges.iter().map(|&(row, column)| (column, row)).collect();
+        entries.extend((0..block_count as u32).map(|i| (i, i)));
+        entries.sort_unstable();
+        entries.dedup();
+        let mut column_starts = vec![0; block_count + 1];
+        for &(column, _) in &entries {
+            column_starts[column as usize + 1] += 1;
+        }
+        for column in 0..block_count {
+            column_starts[column + 1] += column_starts[column];
+        }
+        let rows: Vec<u32> = entries.iter().map(|&(_, row)| row).collect();
+
+        let mut scalar_starts = Vec::with_capacity(3 * block_count + 1);
+        let mut scalar_rows = Vec::with_capacity(9 * rows.len());
+        scalar_starts.push(0);
+        for column in 0..block_count {
+            for _ in 0..3 {
+                for &row in &rows[column_starts[column]..column_starts[column + 1]] {
+                    scalar_rows.extend((0..3).map(|r| 3 * row as usize + r));
+                }
+                scalar_starts.push(scalar_rows.len());
+            }
+        }
+        let n = 3 * block_count;
+        let pattern = SymbolicSparseColMat::new_checked(n, n, scalar_starts, None, scalar_rows);
+        let order = nested_dissection(block_count, &entries)?;
+        let forward: Vec<usize> = order.iter().flat_map(|&v| (0..3).map(move |r| 3 * v as usize + r)).collect();
+        let mut inverse = vec![0; n];
+        for (new, &old) in forward.iter().enumerate() {
+            inverse[old] = new;
+        }
+        let symbolic = factorize_symbolic_cholesky(
+            pattern.as_ref(),
+            Side::Lower,
+            SymmetricOrdering::Custom(PermRef::new_checked(&forward, &inverse, n)),
+            CholeskySymbolicParams::default(),
+        )
+        .map_err(|_| SparseError::TooLarge)?;
+        let memory = |requirement| MemBuffer::try_new(requirement).map_err(|_| SparseError::TooLarge);
+        let factor_memory = memory(symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Spec::default()))?;
+        let solve_memory = memory(symbolic.solve_in_place_scratch::<f64>(1, Par::Seq))?;
+        let values = vec![0.0; 9 * rows.len()];
+        let factor = vec![0.0; symbolic.len_val()];
+        Ok(Self { column_starts, rows, pattern, symbolic, values, factor, factor_memory, solve_memory })
+    }
+
+    /// Number of 3x3 blocks on the diagonal.
+    pub fn block_count(&self) -> usize {
+        self.column_starts.len() - 1
+    }
+
+    /// Start of each block column in [`BlockCholesky::rows`]; a block column of `m` blocks has `9 m` values.
+    pub fn column_starts(&self) -> &[usize] {
+        &self.column_starts
+    }
+
+    /// Block rows, ascending within each block column, the diagonal first.
+    pub fn rows(&self) -> &[u32] {
+        &self.rows
+    }
+
+    /// The values, to be filled before [`BlockCholesky::factorize`]. Entry `(r, c)` of the `k`-th block of block column
+    /// `j` with `m` blocks is at `9 * column_starts[j] + c * 3 * m + 3 * k + r`.
+    pub fn values_mut(&mut self) -> &mut [f64] {
+        &mut self.values
+    }
+
+    /// Adds `shift` times the identity to the matrix.
+    pub fn shift_diagonal(&mut self, shift: f64) {
+        for column in 0..self.block_count() {
+            let (start, end) = (self.column_starts[column], self.column_starts[column + 1]);
+            for c in 0..3 {
+                self.values[9 * start + c * 3 * (end - start) + c] += shift;
+            }
+        }
+    }
+
+    /// The largest entry of the diagonal.
+    pub fn largest_diagonal(&self) -> f64 {
+        (0..3 * self.block_count())
+            .map(|i| {
+                let (start, end) = (self.column_starts[i / 3], self.column_starts[i / 3 + 1]);
+                self.values[9 * start + (i % 3) * 3 * (end - start) + i % 3]
+            })
+            .fold(0.0, f64::max)
+    }
+
+    /// Factorises the matrix of the present values, on one thread, so that the result never depends on their number.
+    ///
+    /// # Errors
+    /// [`SparseError::NotPositiveDefinite`].
+    pub fn factorize(&mut self) -> Result<(), SparseError> {
+        self.symbolic
+            .factorize_numeric_llt(
+                &mut self.factor,
+                SparseColMatRef::new(self.pattern.as_ref(), &self.values),
+                Side::Lower,
+                Default::default(),
+                Par::Seq,
+                MemStack::new(&mut self.factor_memory),
+                Spec::default(),
+            )
+            .map(|_| ())
+            .map_err(|_| SparseError::NotPositiveDefinite)
+    }
+
+    /// Replaces the right-hand side by the solution with the last factorisation.
+    pub fn solve(&mut self, right_hand_side: &mut [f64]) {
+        let n = right_hand_side.len();
+        LltRef::<usize, f64>::new(&self.symbolic, &self.factor).solve_in_place_with_conj(
+            Conj::No,
+            MatMut::from_column_major_slice_mut(right_hand_side, n, 1),
+            Par::Seq,
+            MemStack::new(&mut self.solve_memory),
+        );
+    }
+}
+
+/// Nested dissection order of the graph whose lower entries are `(column, row)`: new position -> old index.
+fn nested_dissection(count: usize, lower: &[(u32, u32)]) -> Result<Vec<i32>, SparseError> {
+    let mut both: Vec<(u32, u32)> = lower.iter().flat_map(|&(a, b)| [(a, b), (b, a)]).collect();
+    both.sort_unstable();
+    both.dedup();
+    if i32::try_from(both.len()).is_err() {
+        return Err(SparseError::TooLarge);
+    }
+    let mut starts = vec![0i32; count + 1];
+    for &(column, _) in &both {
+        starts[column as usize + 1] += 1;
+    }
+    for column in 0..count {
+        starts[column + 1] += starts[column];
+    }
+    let rows: Vec<i32> = both.iter().map(|&(_, row)| row as i32).collect();
+    let pattern = feral_ordering_core::CscPattern::new(count, &starts, &rows)
+        .expect("starts and rows were built sorted and in range");
+    feral_metis::metis_order(&pattern).map_err(|_| SparseError::TooLarge)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Graph Laplacian of a grid plus the identity, times 3x3 SPD blocks: solved against a dense product.
+    #[test]
+    fn solves_a_block_laplacian() {
+        let side = 5u32;
+        let index = |i: u32, j: u32| i * side + j;
+        let mut edges = Vec::new();
+        for i in 0..side {
+            for j in 0..side {
+                if i > 0 {
+                    edges.push((index(i, j), index(i - 1, j)));
+                }
+                if j > 0 {
+                    edges.push((index(i, j), index(i, j - 1)));
+                }
+            }
+        }
+        let count = (side * side) as usize;
+        let block = nalgebra::Matrix3::new(4.0, 1.0, 0.5, 1.0, 3.0, 0.2, 0.5, 0.2, 2.0);
+        let mut dense = nalgebra::DMatrix::<f64>::zeros(3 * count, 3 * count);
+        for &(a, b) in &edges {
+            let (a, b) = (3 * a as usize, 3 * b as usize);
+            for (row, column, sign) in [(a, a, 1.0), (b, b, 1.0), (a, b, -1.0), (b, a, -1.0)] {
+                let mut view = dense.view_mut((row, column), (3, 3));
+                view += sign * block;
+            }
+        }
+        dense += nalgebra::DMatrix::identity(3 * count, 3 * count);
+
+        let mut system = BlockCholesky::new(count, &edges).unwrap();
+        let (starts, rows) = (system.column_starts().to_vec(), system.rows().to_vec());
+        for column in 0..count {
+            let height = starts[column + 1] - starts[column];
+            for k in 0..height {
+                for (r, c) in (0..9).map(|i| (i % 3, i / 3)) {
+                    system.values_mut()[9 * starts[column] + c * 3 * height + 3 * k + r] =
+                        dense[(3 * rows[starts[column] + k] as usize + r, 3 * column + c)];
+                }
+            }
+        }
+        let expected = nalgebra::DVector::from_fn(3 * count, |i, _| (i as f64 * 0.7).sin());
+        let mut solution = (&dense * &expected).data.as_vec().clone();
+        system.factorize().unwrap();
+        system.solve(&mut solution);
+        // Condition number below 100, 75 unknowns: 1e-12 leaves a factor of about 100 over eps * condition.
+        for (got, want) in solution.iter().zip(expected.iter()) {
+            assert!((got - want).abs() < 1e-12);
+        }
+        system.shift_diagonal(-1e3);
+        assert_eq!(system.factorize(), Err(SparseError::NotPositiveDefinite));
+    }
+}

@@ -1,0 +1,253 @@
+//! The sum over tets: value, gradient and Hessian of an energy with respect to the free vertices, in a fixed order.
+
+use rayon::prelude::*;
+
+use super::element::{ElementDerivatives, centred_logs, gradient_from};
+use super::{Barrier, TetEnergy};
+use crate::domain::Domain;
+use crate::linalg::{BlockCholesky, SparseError, svd};
+use crate::mesh::{TetId, Vec3};
+
+/// Tets a parallel task works on at once; fixed, so that partial sums do not depend on the number of threads.
+const CHUNK: usize = 1024;
+
+/// The maps from tets to unknowns of one domain with some vertices free, and the workspace of its Newton systems.
+///
+/// Work is parallel over tets, then gathered per unknown in the order of the tets: the same bits for any number of
+/// threads, without locks.
+pub struct Assembly<'d> {
+    domain: &'d Domain,
+    free: Vec<u32>,
+    /// For each free vertex, its corners `4 * tet + local vertex`, tets ascending.
+    corners: Gather,
+    /// For each stored block of the system, its contributions `20 * tet + 2 * local pair + transposed`.
+    blocks: Gather,
+    system: BlockCholesky,
+}
+
+/// Lists of contributions, one list an unknown.
+struct Gather {
+    starts: Vec<usize>,
+    items: Vec<u32>,
+}
+
+impl Gather {
+    /// Groups `(unknown, contribution)` pairs, which must come with contributions ascending for each unknown.
+    fn new(count: usize, pairs: impl Iterator<Item = (usize, u32)> + Clone) -> Self {
+        let mut starts = vec![0; count + 1];
+        for (unknown, _) in pairs.clone() {
+            starts[unknown + 1] += 1;
+        }
+        for i in 0..count {
+            starts[i + 1] += starts[i];
+        }
+        let mut next = starts.clone();
+        let mut items = vec![0; starts[count]];
+        for (unknown, contribution) in pairs {
+            items[next[unknown]] = contribution;
+            next[unknown] += 1;
+        }
+        Self { starts, items }
+    }
+
+    fn of(&self, unknown: usize) -> &[u32] {
+        &self.items[self.starts[unknown]..self.starts[unknown + 1]]
+    }
+}
+
+impl<'d> Assembly<'d> {
+    /// Prepares the sums over a domain whose vertices with `fixed[vertex] == false` are free.
+    ///
+    /// # Errors
+    /// [`SparseError::TooLarge`] if the factor of the Newton system cannot be held.
+    pub fn new(domain: &'d Domain, fixed: &[bool]) -> Result<Self, SparseError> {
+        let tets = domain.mesh().tets();
+        // Contributions are packed into 32 bits.
+        if tets.len() >= u32::MAX as usize / 20 {
+            return Err(SparseError::TooLarge);
+        }
+        let free: Vec<u32> = (0..fixed.len() as u32).filter(|&v| !fixed[v as usize]).collect();
+        let mut unknown_of = vec![None; fixed.len()];
+        for (unknown, &vertex) in free.iter().enumerate() {
+            unknown_of[vertex as usize] = Some(unknown as u32);
+        }
+        let local = |tet: usize, v: usize| unknown_of[tets[tet][v].index()];
+        let corners = Gather::new(
+            free.len(),
+            (0..tets.len()).flat_map(|t| (0..4).filter_map(move |v| Some((local(t, v)? as usize, (4 * t + v) as u32)))),
+        );
+        let mut edges: Vec<(u32, u32)> = (0..tets.len())
+            .flat_map(|t| {
+                ElementDerivatives::PAIRS.iter().filter_map(move |&(v, w)| {
+                    let (a, b) = (local(t, v)?, local(t, w)?);
+                    (a != b).then_some((a.max(b), a.min(b)))
+                })
+            })
+            .collect();
+        edges.sort_unstable();
+        edges.dedup();
+        let system = BlockCholesky::new(free.len(), &edges)?;
+        let slot = |row: u32, column: u32| {
+            let (start, end) = (system.column_starts()[column as usize], system.column_starts()[column as usize + 1]);
+            start + system.rows()[start..end].binary_search(&row).expect("every pair of a tet is in the pattern")
+        };
+        let blocks = Gather::new(
+            system.rows().len(),
+            (0..tets.len()).flat_map(|t| {
+                ElementDerivatives::PAIRS.iter().enumerate().filter_map(move |(pair, &(v, w))| {
+                    let (a, b) = (local(t, v)?, local(t, w)?);
+                    Some((slot(a.max(b), a.min(b)), (20 * t + 2 * pair + usize::from(a < b)) as u32))
+                })
+            }),
+        );
+        Ok(Self { domain, free, corners, blocks, system })
+    }
+
+    /// The free vertices, ascending; unknown `i` is the position of `free()[i]`.
+    pub fn free(&self) -> &[u32] {
+        &self.free
+    }
+
+    /// The domain.
+    pub fn domain(&self) -> &'d Domain {
+        self.domain
+    }
+
+    /// The signed singular values of every tet's Jacobian.
+    pub fn singular_values(&self, image: &[Vec3]) -> Vec<[f64; 3]> {
+        (0..self.domain.mesh().tets().len() as u32)
+            .into_par_iter()
+            .with_min_len(CHUNK)
+            .map(|t| svd(&self.domain.jacobian(TetId(t), image)).values)
+            .collect()
+    }
+
+    /// The largest |l| of a map, so that `max K = exp(3 * largest)`; `None` if a tet is flipped.
+    pub fn largest_log(&self, image: &[Vec3]) -> Option<f64> {
+        let values = self.singular_values(image);
+        values.iter().try_fold(0.0f64, |largest, &s| {
+            let logs = centred_logs(s)?;
+            Some(largest.max(logs[0]).max(-logs[2]))
+        })
+    }
+
+    /// The energy; `None` if a tet is flipped or the energy infinite.
+    pub fn value<E: TetEnergy>(&self, energy: &E, image: &[Vec3]) -> Option<f64> {
+        let count = self.domain.mesh().tets().len();
+        let partial: Vec<f64> = (0..count.div_ceil(CHUNK))
+            .into_par_iter()
+            .map(|chunk| {
+                let mut sum = 0.0;
+                for t in chunk * CHUNK..((chunk + 1) * CHUNK).min(count) {
+                    sum += energy.value(svd(&self.domain.jacobian(TetId(t as u32), image)).values);
+                }
+                sum
+            })
+            .collect();
+        let total: f64 = partial.iter().sum();
+        total.is_finite().then_some(total)
+    }
+
+    /// Fills the Newton system with the Hessian, its elements' negative curvature multiplied by `negative`, and returns the gradient (three entries an
+    /// unknown); `None` if a tet is flipped or the energy infinite.
+    pub fn linearize<E: TetEnergy>(&mut self, energy: &E, image: &[Vec3], negative: f64) -> Option<Vec<f64>> {
+        let elements: Vec<Option<ElementDerivatives>> = (0..self.domain.mesh().tets().len())
+            .into_par_iter()
+            .with_min_len(CHUNK)
+            .map(|t| {
+                let jacobian = self.domain.jacobian(TetId(t as u32), image);
+                ElementDerivatives::new(energy, &jacobian, &self.domain.inverse_edges()[t], negative)
+            })
+            .collect();
+        let elements: Vec<ElementDerivatives> = elements.into_iter().collect::<Option<_>>()?;
+        let gradient = self.gather(|corner| elements[corner / 4].gradient[corner % 4]);
+        let starts = self.system.column_starts().to_vec();
+        let mut columns = split_columns(self.system.values_mut(), &starts);
+        let blocks = &self.blocks;
+        columns.par_iter_mut().enumerate().with_min_len(64).for_each(|(column, values)| {
+            let height = starts[column + 1] - starts[column];
+            for k in 0..height {
+                let mut sum = crate::mesh::Mat3::zeros();
+                for &item in blocks.of(starts[column] + k) {
+                    let (tet, pair, transposed) = (item as usize / 20, item as usize % 20 / 2, item % 2 == 1);
+                    let block = &elements[tet].hessian[pair];
+                    sum += if transposed { block.transpose() } else { *block };
+                }
+                for c in 0..3 {
+                    for r in 0..3 {
+                        values[c * 3 * height + 3 * k + r] = sum[(r, c)];
+                    }
+                }
+            }
+        });
+        Some(gradient)
+    }
+
+    /// The gradient of an energy; `None` if it is infinite.
+    pub fn gradient<E: TetEnergy>(&self, energy: &E, image: &[Vec3]) -> Option<Vec<f64>> {
+        self.gradient_of(image, |s| Some(energy.spectrum(s, 1.0)?.slope))
+    }
+
+    /// The derivative of a barrier's gradient with respect to its bound.
+    pub fn mixed_gradient(&self, barrier: &Barrier, image: &[Vec3]) -> Option<Vec<f64>> {
+        self.gradient_of(image, |s| {
+            let mixed = centred_logs(s)?.map(|log| barrier.mixed_derivative(log));
+            let mean = (mixed[0] + mixed[1] + mixed[2]) / 3.0;
+            Some([0, 1, 2].map(|i| (mixed[i] - mean) / s[i]))
+        })
+    }
+
+    /// The first two derivatives of a barrier's sum with respect to its bound.
+    pub fn bound_derivatives(&self, barrier: &Barrier, image: &[Vec3]) -> Option<(f64, f64)> {
+        let mut sums = (0.0, 0.0);
+        for values in self.singular_values(image) {
+            for log in centred_logs(values)? {
+                let (first, second) = barrier.bound_derivatives(log);
+                sums = (sums.0 + first, sums.1 + second);
+            }
+        }
+        Some(sums)
+    }
+
+    /// The Newton system, filled by [`Assembly::linearize`].
+    pub fn system(&mut self) -> &mut BlockCholesky {
+        &mut self.system
+    }
+
+    /// The gradient of a sum whose terms have the derivatives `slope(s)` in the singular values.
+    fn gradient_of(&self, image: &[Vec3], slope: impl Fn([f64; 3]) -> Option<[f64; 3]> + Sync) -> Option<Vec<f64>> {
+        let elements: Vec<Option<[Vec3; 4]>> = (0..self.domain.mesh().tets().len())
+            .into_par_iter()
+            .with_min_len(CHUNK)
+            .map(|t| {
+                let decomposition = svd(&self.domain.jacobian(TetId(t as u32), image));
+                Some(gradient_from(&decomposition, slope(decomposition.values)?, &self.domain.inverse_edges()[t]))
+            })
+            .collect();
+        let elements: Vec<[Vec3; 4]> = elements.into_iter().collect::<Option<_>>()?;
+        Some(self.gather(|corner| elements[corner / 4][corner % 4]))
+    }
+
+    fn gather(&self, contribution: impl Fn(usize) -> Vec3 + Sync) -> Vec<f64> {
+        (0..self.free.len())
+            .into_par_iter()
+            .with_min_len(CHUNK)
+            .flat_map_iter(|unknown| {
+                let sum: Vec3 = self.corners.of(unknown).iter().map(|&corner| contribution(corner as usize)).sum();
+                [sum.x, sum.y, sum.z]
+            })
+            .collect()
+    }
+}
+
+/// The value slices of the block columns.
+fn split_columns<'v>(mut values: &'v mut [f64], starts: &[usize]) -> Vec<&'v mut [f64]> {
+    starts
+        .windows(2)
+        .map(|pair| {
+            let (column, rest) = std::mem::take(&mut values).split_at_mut(9 * (pair[1] - pair[0]));
+            values = rest;
+            column
+        })
+        .collect()
+}

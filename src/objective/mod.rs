@@ -1,0 +1,44 @@
+//! Energies of piecewise-linear maps as sums over tets of a function of the Jacobian's singular values.
+//!
+//! With singular values s_i, `l_i = ln s_i - (ln s_1 + ln s_2 + ln s_3) / 3` and `ln K = 3 max |l_i|`; the energies of the
+//! minimax continuation are `h(l_1) + h(l_2) + h(l_3)` with one even convex h each, invariant under similarities on either
+//! side of each tet. The untangling energy is defined for flipped tets too.
+
+mod assembly;
+mod barrier;
+mod element;
+mod soft_max;
+mod untangling;
+
+pub use assembly::Assembly;
+pub use barrier::Barrier;
+pub use element::{ElementDerivatives, Spectrum, centred_logs};
+pub use soft_max::SoftMax;
+pub use untangling::Untangling;
+
+/// An isotropic energy of one tet: a function of its signed singular values.
+pub trait TetEnergy: Sync {
+    /// The energy at signed singular values `s[0] >= s[1] >= |s[2]|`; infinite where it is not defined.
+    fn value(&self, s: [f64; 3]) -> f64;
+    /// Its derivatives, negative curvature multiplied by `negative` in [0, 1]; `None` where it is infinite.
+    fn spectrum(&self, s: [f64; 3], negative: f64) -> Option<Spectrum>;
+}
+
+/// An even, convex function h of one centred log singular value, and its first two derivatives.
+pub trait LogEnergy: Sync {
+    /// h(l). Infinite where the energy is not defined (beyond a barrier).
+    fn value(&self, log: f64) -> f64;
+    /// h'(l), h''(l) at a point where h is finite.
+    fn derivatives(&self, log: f64) -> (f64, f64);
+}
+
+impl<E: LogEnergy> TetEnergy for E {
+    fn value(&self, s: [f64; 3]) -> f64 {
+        centred_logs(s).map_or(f64::INFINITY, |logs| logs.iter().map(|&l| LogEnergy::value(self, l)).sum())
+    }
+
+    fn spectrum(&self, s: [f64; 3], negative: f64) -> Option<Spectrum> {
+        let logs = centred_logs(s)?;
+        TetEnergy::value(self, s).is_finite().then(|| Spectrum::of_logs(self, s, logs, negative))
+    }
+}

@@ -1,0 +1,121 @@
+//! Projected Newton on the soft maximum at one exponent.
+
+use super::{Progress, Recorder};
+use crate::mesh::Vec3;
+use crate::objective::{Assembly, SoftMax, TetEnergy};
+
+/// Sufficient decrease of the Armijo rule.
+const ARMIJO: f64 = 1e-4;
+/// Longest multiple of the Newton step tried: ln of a sum has a negative rank-one term that makes the projected Newton
+/// step too short by the factor that Sherman-Morrison gives, which is unbounded.
+const LONGEST_STEP: f64 = 10.0;
+/// Halvings of a step before the line search gives up: below 1e-9 of the Newton step rounding decides.
+const HALVINGS: usize = 30;
+
+/// How one phase at a fixed exponent ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum PhaseEnd {
+    Converged,
+    NoProgress,
+    Interrupted,
+}
+
+/// Minimises E_p from `image` until a step lowers it by less than `tolerance` (in ln K).
+pub(super) fn soft_max_phase(
+    assembly: &mut Assembly<'_>,
+    image: &mut Vec<Vec3>,
+    exponent: f64,
+    tolerance: f64,
+    recorder: &mut Recorder<'_>,
+) -> PhaseEnd {
+    let phase = format!("p={exponent}");
+    loop {
+        let Some(largest) = assembly.largest_log(image) else { return PhaseEnd::NoProgress };
+        let energy = SoftMax::new(exponent, largest);
+        let (Some(sum), Some(gradient)) = (assembly.value(&energy, image), assembly.linearize(&energy, image, 0.0))
+        else {
+            return PhaseEnd::NoProgress;
+        };
+        let Some(direction) = newton_direction(assembly, &gradient) else { return PhaseEnd::NoProgress };
+        let decrement = -dot(&gradient, &direction) / sum;
+        if decrement <= 0.0 {
+            return PhaseEnd::Converged;
+        }
+        let longest = if decrement < 1.0 - 1.0 / LONGEST_STEP { 1.0 / (1.0 - decrement) } else { LONGEST_STEP };
+        let value = sum.ln();
+        let accepted = line_search(assembly, &energy, image, &direction, longest, |trial, step| {
+            trial.ln() <= value - ARMIJO * step * decrement
+        });
+        let Some((step, trial_sum, trial)) = accepted else { return PhaseEnd::NoProgress };
+        *image = trial;
+        let fall = energy.log_k(sum) - energy.log_k(trial_sum);
+        if recorder.record(&phase, energy.log_k(trial_sum), step, image) == Progress::Stop {
+            return PhaseEnd::Interrupted;
+        }
+        if fall < tolerance {
+            return PhaseEnd::Converged;
+        }
+    }
+}
+
+/// Solves the assembled system for the step -H^-1 g; `None` if no shift makes the matrix positive definite.
+///
+/// At high exponents most tets have no weight at all and their vertices' rows vanish: the smallest shift of the diagonal
+/// that factorises, from 1e-13 of its largest entry, leaves such vertices where they are.
+pub(super) fn newton_direction(assembly: &mut Assembly<'_>, gradient: &[f64]) -> Option<Vec<f64>> {
+    factorize_shifted(assembly)?;
+    let mut direction: Vec<f64> = gradient.iter().map(|g| -g).collect();
+    assembly.system().solve(&mut direction);
+    direction.iter().all(|d| d.is_finite()).then_some(direction)
+}
+
+/// Factorises the assembled system after the smallest diagonal shift that makes it positive definite.
+pub(super) fn factorize_shifted(assembly: &mut Assembly<'_>) -> Option<()> {
+    let system = assembly.system();
+    let largest = system.largest_diagonal();
+    let mut shift = 1e-13 * largest;
+    system.shift_diagonal(shift);
+    while system.factorize().is_err() {
+        if shift >= largest {
+            return None;
+        }
+        system.shift_diagonal(99.0 * shift);
+        shift *= 100.0;
+    }
+    Some(())
+}
+
+/// Halves the step from `longest` until the energy at the trial passes `accept(energy, step)`; a flipped tet never does.
+pub(super) fn line_search<E: TetEnergy>(
+    assembly: &Assembly<'_>,
+    energy: &E,
+    image: &[Vec3],
+    direction: &[f64],
+    longest: f64,
+    accept: impl Fn(f64, f64) -> bool,
+) -> Option<(f64, f64, Vec<Vec3>)> {
+    let mut step = longest;
+    for _ in 0..HALVINGS {
+        let trial = moved(assembly, image, direction, step);
+        if let Some(value) = assembly.value(energy, &trial) {
+            if accept(value, step) {
+                return Some((step, value, trial));
+            }
+        }
+        step *= 0.5;
+    }
+    None
+}
+
+/// The positions after a step of the free vertices along a direction.
+pub(super) fn moved(assembly: &Assembly<'_>, image: &[Vec3], direction: &[f64], step: f64) -> Vec<Vec3> {
+    let mut trial = image.to_vec();
+    for (d, &vertex) in direction.chunks_exact(3).zip(assembly.free()) {
+        trial[vertex as usize] += Vec3::new(d[0], d[1], d[2]) * step;
+    }
+    trial
+}
+
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| x * y).sum()
+}

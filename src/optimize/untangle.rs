@@ -1,0 +1,136 @@
+//! From a map with flipped tets to one without: the regularised energy of Garanzha et al. 2021 with their schedule.
+
+use std::time::Instant;
+
+use super::TraceRow;
+use super::newton::{dot, line_search, newton_direction};
+use crate::domain::Domain;
+use crate::linalg::SparseError;
+use crate::mesh::{Orientation, TetId, Vec3, orientation};
+use crate::objective::{Assembly, Untangling};
+
+/// Sufficient decrease of the Armijo rule.
+const ARMIJO: f64 = 1e-4;
+/// Newton steps at one epsilon; more of them per epsilon do not pay, since the next epsilon changes the problem.
+const STEPS: usize = 3;
+/// Relative fall of the energy in one step below which the next epsilon is due.
+const STALLED: f64 = 1e-3;
+
+/// What untangling led to.
+#[derive(Clone, Debug)]
+pub struct Untangled {
+    /// Image positions with the fewest flipped tets seen.
+    pub positions: Vec<Vec3>,
+    /// Tets that are still not positive by exact predicate; empty on success.
+    pub resisting: Vec<TetId>,
+    /// Number of Newton steps.
+    pub iterations: usize,
+}
+
+/// Tets whose image is not positively oriented, by exact predicate.
+pub fn flipped_tets(domain: &Domain, image: &[Vec3]) -> Vec<TetId> {
+    (0..)
+        .map(TetId)
+        .zip(domain.mesh().tets())
+        .filter(|(_, tet)| orientation(tet.map(|v| &image[v.index()])) != Orientation::Positive)
+        .map(|(id, _)| id)
+        .collect()
+}
+
+/// Moves the vertices with `fixed[vertex] == false` until every tet is positively oriented by exact predicate.
+///
+/// Minimises the energy [`Untangling`] by projected Newton while epsilon falls by the paper's schedule, under which the
+/// least determinant becomes positive after finitely many steps if each minimisation reduces the energy enough (their
+/// Theorem 1). Ends after `max_iterations` steps at the latest; a start without a flip is returned as it is.
+///
+/// # Errors
+/// [`SparseError::TooLarge`] if the Newton system cannot be held.
+pub fn untangle(
+    domain: &Domain,
+    start: &[Vec3],
+    fixed: &[bool],
+    max_iterations: usize,
+    observe: &mut dyn FnMut(&TraceRow),
+) -> Result<Untangled, SparseError> {
+    let mut best = Untangled { positions: start.to_vec(), resisting: flipped_tets(domain, start), iterations: 0 };
+    if best.resisting.is_empty() {
+        return Ok(best);
+    }
+    let clock = Instant::now();
+    let mut assembly = Assembly::new(domain, fixed)?;
+    let mut image = start.to_vec();
+    let least = |assembly: &Assembly<'_>, image: &[Vec3]| {
+        assembly.singular_values(image).iter().map(|s| s[0] * s[1] * s[2]).fold(f64::INFINITY, f64::min)
+    };
+    let mut determinant = least(&assembly, &image);
+    let mut epsilon = first_epsilon(&assembly, &image, determinant);
+    while best.iterations < max_iterations {
+        let energy = Untangling { epsilon };
+        let Some(before) = assembly.value(&energy, &image) else { break };
+        let mut after = before;
+        for _ in 0..STEPS {
+            let Some((value, step)) = newton_step(&mut assembly, &energy, &mut image, after) else { break };
+            let fall = (after - value) / after;
+            after = value;
+            best.iterations += 1;
+            let flipped = flipped_tets(domain, &image);
+            observe(&TraceRow {
+                phase: format!("untangle, {} flipped", flipped.len()),
+                iteration: best.iterations,
+                objective: value,
+                max_k: if flipped.is_empty() { f64::NAN } else { f64::INFINITY },
+                mean_k: f64::INFINITY,
+                step,
+                seconds: clock.elapsed().as_secs_f64(),
+            });
+            if flipped.len() < best.resisting.len() {
+                best.positions.clone_from(&image);
+                best.resisting = flipped;
+                if best.resisting.is_empty() {
+                    return Ok(best);
+                }
+            }
+            if fall < STALLED {
+                break;
+            }
+        }
+        determinant = least(&assembly, &image);
+        let next = next_epsilon(epsilon, determinant, after / before);
+        if next <= 0.0 {
+            break;
+        }
+        epsilon = next;
+    }
+    Ok(best)
+}
+
+/// A regularisation of the size of the worst flip, or of the mean determinant where that is larger.
+fn first_epsilon(assembly: &Assembly<'_>, image: &[Vec3], least: f64) -> f64 {
+    let values = assembly.singular_values(image);
+    let mean = values.iter().map(|s| (s[0] * s[1] * s[2]).abs()).sum::<f64>() / values.len() as f64;
+    (1e-2 * mean).max(0.2 * least.abs())
+}
+
+/// The schedule of Garanzha et al. 2021, eq. 7: sigma = max(1/10, 1 - F(new) / F(old)).
+fn next_epsilon(epsilon: f64, least: f64, ratio: f64) -> f64 {
+    let sigma = (1.0 - ratio).max(0.1);
+    let root = least.hypot(epsilon);
+    if least < 0.0 { (1.0 - sigma * root / (least.abs() + root)) * epsilon } else { (1.0 - sigma) * epsilon }
+}
+
+/// One projected Newton step with Armijo's rule; the new value and the step length, or `None` if nothing falls.
+fn newton_step(
+    assembly: &mut Assembly<'_>,
+    energy: &Untangling,
+    image: &mut Vec<Vec3>,
+    value: f64,
+) -> Option<(f64, f64)> {
+    let gradient = assembly.linearize(energy, image, 0.0)?;
+    let direction = newton_direction(assembly, &gradient)?;
+    let slope = dot(&gradient, &direction);
+    let (step, value, trial) = line_search(assembly, energy, image, &direction, 1.0, |trial, step| {
+        trial <= value + ARMIJO * step * slope && trial < value
+    })?;
+    *image = trial;
+    Some((value, step))
+}

@@ -1,0 +1,27 @@
+//! What a domain can come from: closed triangle surfaces, read or generated, their features and their star centres.
+
+mod centre;
+mod fan;
+mod features;
+mod generate;
+mod kernel;
+#[cfg(feature = "nlopt")]
+mod optimal_centre;
+mod platonic;
+mod polyhedron;
+mod prism;
+mod radial;
+mod shell;
+mod smooth;
+mod sphere;
+mod star;
+mod surface;
+
+pub use centre::{CentreChoice, CentreError, StarCentre, star_centre};
+pub use fan::FanError;
+pub use features::{FeatureAngles, Features};
+pub use generate::{Solid, SolidError};
+pub use kernel::{KernelError, StarKernel};
+pub use radial::radial_max_dilatation;
+pub use shell::{MOST_TETS, Refinement, ShellError, ShellMesh, ShellSettings, shell_mesh};
+pub use surface::{Surface, SurfaceEdge, SurfaceError};

@@ -1,0 +1,352 @@
+//! The shell mesher: a star-shaped surface refined, then scaled towards the star centre in layers.
+//!
+//! Every tet lies in the cone of one surface triangle over the centre, where the radial map with exponent 1 is linear.
+//! So at the radial start no tet is flipped, whatever the refinement, K is constant in each cone, and no tet has all
+//! its vertices on the boundary.
+
+use std::collections::{BinaryHeap, HashMap};
+
+use crate::mesh::{MeshError, PolygonSoup, TetMesh, Vec3, VertexId};
+use crate::solid::{Surface, SurfaceError};
+
+/// How a surface is refined before it is layered; all splits lie on the surface, so sharp edges are kept.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Refinement {
+    /// Longest edges are halved until none is longer than this (in units of the surface).
+    EdgeLength(f64),
+    /// Longest edges are halved until the mesh has at least this many tets.
+    Cells(usize),
+}
+
+/// What a shell mesh is made with.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ShellSettings {
+    /// Every surface triangle is first split into this number squared of similar ones; at least 1.
+    pub subdivisions: u32,
+    /// Further refinement, if any.
+    pub refinement: Option<Refinement>,
+    /// Number of layers from centre to boundary, at least 1.
+    pub layers: u32,
+    /// Ratio of the thickness of a layer to that of the next inner one, > 0; 1 for equal layers.
+    pub grading: f64,
+}
+
+/// Largest number of tets a shell mesh may have: above it 32-bit tables of the optimiser overflow.
+pub const MOST_TETS: usize = 100_000_000;
+
+/// Why no shell mesh was made.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ShellError {
+    /// Settings outside their ranges.
+    #[error("{0}")]
+    Settings(String),
+    /// More tets than can be handled.
+    #[error("the shell mesh would have {tets} tets, more than {MOST_TETS}: ask for a coarser surface or fewer layers")]
+    TooLarge {
+        /// Number of tets asked for.
+        tets: usize,
+    },
+    /// The centre does not see the surface well enough for positive volumes in floating point.
+    #[error("a cell of the shell mesh is flat or inside out: {0}; the star centre is too close to a face's plane")]
+    Cell(#[from] MeshError),
+    /// The refined surface is not one.
+    #[error("the refined surface is degenerate: {0}")]
+    Surface(#[from] SurfaceError),
+}
+
+/// A shell mesh and how its vertices sit on the rays from the centre.
+#[derive(Clone, Debug)]
+pub struct ShellMesh {
+    /// The tets; vertex 0 is the centre.
+    pub mesh: TetMesh,
+    /// The refined surface.
+    pub surface: Surface,
+    /// For each vertex but the centre, the surface vertex on its ray and its fraction u in (0, 1] of that ray.
+    pub rays: Vec<(VertexId, f64)>,
+}
+
+/// Meshes the solid inside `surface`, star-shaped about `centre`, in layers.
+///
+/// # Errors
+/// See [`ShellError`].
+pub fn shell_mesh(surface: &Surface, centre: Vec3, settings: &ShellSettings) -> Result<ShellMesh, ShellError> {
+    check(settings)?;
+    let per_triangle = 3 * settings.layers as usize - 2;
+    let triangles = surface.triangles().len() * (settings.subdivisions as usize).pow(2);
+    let wanted = match settings.refinement {
+        Some(Refinement::Cells(cells)) => cells.max(triangles.saturating_mul(per_triangle)),
+        _ => triangles.saturating_mul(per_triangle),
+    };
+    if wanted > MOST_TETS {
+        return Err(ShellError::TooLarge { tets: wanted });
+    }
+    let mut soup = subdivide(surface, settings.subdivisions);
+    if let Some(refinement) = settings.refinement {
+        let most = MOST_TETS / per_triangle;
+        bisect(&mut soup, |length, triangles| match refinement {
+            Refinement::EdgeLength(wanted) => length > wanted && triangles <= most,
+            Refinement::Cells(wanted) => triangles * per_triangle < wanted,
+        });
+        if soup.triangles.len() > most {
+            return Err(ShellError::TooLarge { tets: soup.triangles.len() * per_triangle });
+        }
+    }
+    let surface = Surface::from_soup(PolygonSoup {
+        points: soup.points,
+        polygons: soup.triangles.into_iter().map(|t| t.map(VertexId).to_vec()).collect(),
+    })?;
+    layered(surface, centre, &layer_fractions(settings.layers, settings.grading))
+}
+
+fn check(settings: &ShellSettings) -> Result<(), ShellError> {
+    let refuse = |message: &str| Err(ShellError::Settings(message.into()));
+    if settings.subdivisions == 0 {
+        return refuse("subdivisions must be at least 1");
+    }
+    if settings.layers == 0 {
+        return refuse("layers must be at least 1");
+    }
+    if !(settings.grading.is_finite() && settings.grading > 0.0) {
+        return refuse("grading must be a positive number");
+    }
+    match settings.refinement {
+        Some(Refinement::EdgeLength(length)) if !(length.is_finite() && length > 0.0) => {
+            refuse("edge_length must be a positive number")
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The fractions u_1 < ... < u_n = 1 of the layers' outer boundaries.
+fn layer_fractions(layers: u32, grading: f64) -> Vec<f64> {
+    let thickness: Vec<f64> = (0..layers).map(|k| grading.powi(k as i32)).collect();
+    let total: f64 = thickness.iter().sum();
+    let mut sum = 0.0;
+    let mut fractions: Vec<f64> = thickness
+        .iter()
+        .map(|t| {
+            sum += t;
+            sum / total
+        })
+        .collect();
+    if let Some(last) = fractions.last_mut() {
+        *last = 1.0;
+    }
+    fractions
+}
+
+struct Triangles {
+    points: Vec<Vec3>,
+    triangles: Vec<[u32; 3]>,
+}
+
+/// Splits every triangle into `n^2` similar ones; points on an edge are shared by its two triangles.
+fn subdivide(surface: &Surface, n: u32) -> Triangles {
+    let mut points = surface.points().to_vec();
+    let mut on_edge: HashMap<(u32, u32, u32), u32> = HashMap::new();
+    let mut triangles = Vec::with_capacity(surface.triangles().len() * (n * n) as usize);
+    for triangle in surface.triangles() {
+        let [a, b, c] = triangle.map(|v| v.0);
+        let corners = [a, b, c].map(|v| surface.points()[v as usize]);
+        // Lattice point (i, j): i steps from a towards b, j towards c.
+        let mut lattice = HashMap::new();
+        for i in 0..=n {
+            for j in 0..=n - i {
+                let k = n - i - j;
+                let mut edge_point = |low: u32, high: u32, steps: u32| {
+                    // Counted from the smaller end, so that both triangles name and compute the point alike.
+                    let (low, high, steps) = if low < high { (low, high, steps) } else { (high, low, n - steps) };
+                    *on_edge.entry((low, high, steps)).or_insert_with(|| {
+                        let t = f64::from(steps) / f64::from(n);
+                        let (p, q) = (surface.points()[low as usize], surface.points()[high as usize]);
+                        points.push(p * (1.0 - t) + q * t);
+                        points.len() as u32 - 1
+                    })
+                };
+                let index = match (i, j, k) {
+                    (0, 0, _) => a,
+                    (_, 0, 0) => b,
+                    (0, _, 0) => c,
+                    (i, 0, _) => edge_point(a, b, i),
+                    (0, j, _) => edge_point(a, c, j),
+                    (_, j, 0) => edge_point(b, c, j),
+                    (i, j, k) => {
+                        let sum = corners[0] * f64::from(k) + corners[1] * f64::from(i) + corners[2] * f64::from(j);
+                        points.push(sum / f64::from(n));
+                        points.len() as u32 - 1
+                    }
+                };
+                lattice.insert((i, j), index);
+            }
+        }
+        for i in 0..n {
+            for j in 0..n - i {
+                triangles.push([lattice[&(i, j)], lattice[&(i + 1, j)], lattice[&(i, j + 1)]]);
+                if i + j + 1 < n {
+                    triangles.push([lattice[&(i + 1, j)], lattice[&(i + 1, j + 1)], lattice[&(i, j + 1)]]);
+                }
+            }
+        }
+    }
+    Triangles { points, triangles }
+}
+
+/// An edge in the queue of [`bisect`]: longest first, then by its ends, so that equal lengths split in a fixed order.
+#[derive(PartialEq, Eq, PartialOrd, Ord)]
+struct QueuedEdge {
+    /// Bits of the squared length: ordered like the (non-negative) number.
+    length: u64,
+    ends: std::cmp::Reverse<(u32, u32)>,
+}
+
+/// Halves the longest edge, splitting its two triangles, as long as `more(its length, number of triangles)` says.
+///
+/// Since the longest edge of all is the longest of both its triangles, this is Rivara's longest-edge bisection: angles
+/// stay bounded below by half the smallest angle of the start.
+fn bisect(mesh: &mut Triangles, more: impl Fn(f64, usize) -> bool) {
+    let mut triangle_of: HashMap<(u32, u32), u32> = HashMap::new();
+    let mut queue = BinaryHeap::new();
+    let queued = |points: &[Vec3], a: u32, b: u32| QueuedEdge {
+        length: (points[a as usize] - points[b as usize]).norm_squared().to_bits(),
+        ends: std::cmp::Reverse((a.min(b), a.max(b))),
+    };
+    for (index, triangle) in mesh.triangles.iter().enumerate() {
+        for i in 0..3 {
+            let (a, b) = (triangle[i], triangle[(i + 1) % 3]);
+            triangle_of.insert((a, b), index as u32);
+            if a < b {
+                queue.push(queued(&mesh.points, a, b));
+            }
+        }
+    }
+    while let Some(QueuedEdge { length, ends: std::cmp::Reverse((a, b)) }) = queue.pop() {
+        if !more(f64::from_bits(length).sqrt(), mesh.triangles.len()) {
+            return;
+        }
+        let middle = mesh.points.len() as u32;
+        mesh.points.push((mesh.points[a as usize] + mesh.points[b as usize]) * 0.5);
+        for (from, to) in [(a, b), (b, a)] {
+            let old = triangle_of[&(from, to)];
+            let apex = mesh.triangles[old as usize]
+                .into_iter()
+                .find(|&v| v != from && v != to)
+                .expect("a triangle has a third vertex");
+            let new = mesh.triangles.len() as u32;
+            mesh.triangles[old as usize] = [from, middle, apex];
+            mesh.triangles.push([middle, to, apex]);
+            triangle_of.insert((from, middle), old);
+            triangle_of.insert((middle, apex), old);
+            triangle_of.insert((middle, to), new);
+            triangle_of.insert((to, apex), new);
+            triangle_of.insert((apex, middle), new);
+            queue.push(queued(&mesh.points, middle, apex));
+        }
+        queue.push(queued(&mesh.points, a, middle));
+        queue.push(queued(&mesh.points, middle, b));
+    }
+}
+
+/// Vertex 0 is the centre; vertex `1 + k * n + v` is surface vertex `v` at fraction `fractions[k]`.
+fn layered(surface: Surface, centre: Vec3, fractions: &[f64]) -> Result<ShellMesh, ShellError> {
+    let count = surface.points().len();
+    let (mut points, mut rays) = (vec![centre], Vec::with_capacity(count * fractions.len()));
+    for &fraction in fractions {
+        for (index, point) in surface.points().iter().enumerate() {
+            // The outermost layer is the surface itself, to the bit.
+            points.push(if fraction == 1.0 { *point } else { centre + (point - centre) * fraction });
+            rays.push((VertexId(index as u32), fraction));
+        }
+    }
+    let vertex = |layer: usize, v: u32| VertexId((1 + layer * count) as u32 + v);
+    let mut tets = Vec::with_capacity(surface.triangles().len() * (3 * fractions.len() - 2));
+    for triangle in surface.triangles() {
+        let [a, b, c] = triangle.map(|v| v.0);
+        tets.push([VertexId(0), vertex(0, a), vertex(0, b), vertex(0, c)]);
+        // The diagonal of a prism's side runs from the inner end of the smaller vertex number to the outer end of the
+        // larger one: the same seen from both prisms.
+        let mut order = [a, b, c];
+        order.sort_unstable();
+        let [low, mid, high] = order;
+        let even = order == [a, b, c] || order == [b, c, a] || order == [c, a, b];
+        for layer in 1..fractions.len() {
+            let (inner, outer) = (|v| vertex(layer - 1, v), |v| vertex(layer, v));
+            for tet in [
+                [inner(low), inner(mid), inner(high), outer(high)],
+                [inner(low), outer(mid), inner(mid), outer(high)],
+                [inner(low), outer(low), outer(mid), outer(high)],
+            ] {
+                tets.push(if even { tet } else { [tet[0], tet[2], tet[1], tet[3]] });
+            }
+        }
+    }
+    Ok(ShellMesh { mesh: TetMesh::new(points, tets)?, surface, rays })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::Boundary;
+    use crate::solid::Solid;
+
+    fn settings(subdivisions: u32, layers: u32) -> ShellSettings {
+        ShellSettings { subdivisions, refinement: None, layers, grading: 1.0 }
+    }
+
+    #[test]
+    fn cube_is_filled_by_a_ball_without_locked_tets() {
+        let surface = Solid::Cube.surface().unwrap();
+        let shell = shell_mesh(&surface, Vec3::zeros(), &settings(4, 8)).unwrap();
+        // 8 x 8 squares a face, two triangles each; one tet a triangle at the centre and three for each further layer.
+        assert_eq!(shell.mesh.tets().len(), 6 * 64 * 2 * 22);
+        let boundary = Boundary::of(&shell.mesh).unwrap();
+        boundary.check_ball(&shell.mesh).unwrap();
+        assert!(shell.mesh.tets().iter().all(|tet| tet.iter().any(|&v| !boundary.contains(v))));
+        let volume: f64 = (0..shell.mesh.tets().len() as u32)
+            .map(|t| crate::domain::edge_matrix(shell.mesh.corners(crate::TetId(t))).determinant() / 6.0)
+            .sum();
+        // 16,896 terms that sum to 8, each rounded at 1e-16 of itself.
+        assert!((volume - 8.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn bisection_reaches_the_length_and_the_count_and_keeps_the_volume() {
+        let surface = Solid::Dodecahedron.surface().unwrap();
+        let refined = |refinement| {
+            shell_mesh(&surface, Vec3::zeros(), &ShellSettings { refinement: Some(refinement), ..settings(1, 3) })
+                .unwrap()
+        };
+        let fine = refined(Refinement::EdgeLength(0.25));
+        for triangle in fine.surface.triangles() {
+            for i in 0..3 {
+                let [p, q] = [triangle[i], triangle[(i + 1) % 3]].map(|v| fine.surface.points()[v.index()]);
+                assert!((p - q).norm() <= 0.25);
+            }
+        }
+        assert!((fine.surface.volume() - surface.volume()).abs() < 1e-12 * surface.volume());
+        let counted = refined(Refinement::Cells(5000));
+        // Each split adds two triangles of seven tets.
+        assert!((5000..5000 + 14).contains(&counted.mesh.tets().len()));
+    }
+
+    #[test]
+    fn grading_makes_a_geometric_series() {
+        let fractions = layer_fractions(3, 0.5);
+        for (got, want) in fractions.iter().zip([4.0 / 7.0, 6.0 / 7.0, 1.0]) {
+            assert!((got - want).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn nonsense_settings_are_refused() {
+        let surface = Solid::Cube.surface().unwrap();
+        for bad in [
+            settings(0, 1),
+            settings(1, 0),
+            ShellSettings { grading: -1.0, ..settings(1, 1) },
+            ShellSettings { refinement: Some(Refinement::EdgeLength(0.0)), ..settings(1, 1) },
+        ] {
+            assert!(matches!(shell_mesh(&surface, Vec3::zeros(), &bad), Err(ShellError::Settings(_))));
+        }
+        assert!(matches!(shell_mesh(&surface, Vec3::zeros(), &settings(100_000, 1)), Err(ShellError::TooLarge { .. })));
+    }
+}
