@@ -21,6 +21,12 @@ pub mod optimize;
 
 pub mod bound;
 
+pub mod config;
+
+pub mod report;
+
+pub mod cli;
+
 pub use dilatation::Dilatation;
 pub use domain::Domain;
 pub use mesh::{TetId, TetMesh, VertexId};

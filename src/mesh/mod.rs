@@ -9,6 +9,7 @@ pub(crate) mod fixtures;
 mod full_boundary;
 pub mod io;
 mod place;
+mod quality;
 mod tet_mesh;
 
 pub(crate) use boundary::DisjointSets;
@@ -17,6 +18,7 @@ pub use boundary_edges::{BoundaryEdge, BoundaryEdges};
 pub use features::Features;
 pub use full_boundary::{FullBoundary, full_boundary};
 pub use place::Place;
+pub use quality::smallest_dihedral_angle;
 pub use tet_mesh::{MeshError, Orientation, TetMesh, orientation};
 
 use serde::Serialize;
@@ -69,4 +71,14 @@ pub struct PolygonSoup {
     pub points: Vec<Vec3>,
     /// Polygons of three or more vertices each, counter-clockwise seen from outside if the file is in order.
     pub polygons: Vec<Vec<VertexId>>,
+}
+
+/// Points and tetrahedra as a mesh file holds them: nothing is checked but that coordinates are finite and indices are
+/// in range.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TetSoup {
+    /// Vertex positions.
+    pub points: Vec<Vec3>,
+    /// Tetrahedra in the file's own vertex order, which may be of either orientation.
+    pub tets: Vec<[VertexId; 4]>,
 }

@@ -3,18 +3,27 @@
 //! Every reader takes the whole file as bytes, so that a count in a header can be held against what is there before
 //! anything is allocated for it.
 
+mod atomic;
+mod medit;
 mod obj;
 mod off;
 mod ply;
 mod stl;
+mod vtu;
+
+pub use atomic::{WriteError, check_folder_is_writable, write_atomically};
+pub use medit::{read_medit, write_medit};
+pub use vtu::{DataArray, Values, write_vtu};
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-use super::{PolygonSoup, Vec3, VertexId};
+use super::{PolygonSoup, TetSoup, Vec3, VertexId};
 
 /// The endings [`read_surface`] knows.
 const SURFACE_ENDINGS: &str = ".obj, .off, .ply, .stl";
+/// The endings [`read_tets`] knows.
+const TET_ENDINGS: &str = ".mesh (Medit in ASCII)";
 
 /// Why a file could not be read.
 ///
@@ -118,7 +127,7 @@ fn place(path: &Path, line: Option<usize>) -> String {
 /// # Errors
 /// [`ReadError`], with the path and, where the format allows it, the line or the element.
 pub fn read_surface(path: &Path) -> Result<PolygonSoup, ReadError> {
-    let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let ending = ending_of(path);
     let reader = match ending.as_str() {
         "obj" => obj::read,
         "off" => off::read,
@@ -127,6 +136,22 @@ pub fn read_surface(path: &Path) -> Result<PolygonSoup, ReadError> {
         _ => return Err(ReadError::UnknownEnding { path: path.into(), ending, known: SURFACE_ENDINGS }),
     };
     reader(path, &read_bytes(path)?)
+}
+
+/// Reads a tetrahedral mesh; the file's ending (in any case) tells the format: Medit.
+///
+/// # Errors
+/// [`ReadError`], with the path and, where the format allows it, the line.
+pub fn read_tets(path: &Path) -> Result<TetSoup, ReadError> {
+    match ending_of(path) {
+        ending if ending == "mesh" => read_medit(path),
+        ending => Err(ReadError::UnknownEnding { path: path.into(), ending, known: TET_ENDINGS }),
+    }
+}
+
+/// The file's ending in lower case, without the dot; empty if there is none.
+fn ending_of(path: &Path) -> String {
+    path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default()
 }
 
 /// The whole file; a directory or an empty file is refused.

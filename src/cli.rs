@@ -1,0 +1,125 @@
+//! The command line: arguments in, exit code out. Numbers go to standard output, everything else to standard error.
+
+mod measure;
+mod output;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Args, CommandFactory, Parser, Subcommand};
+use clap_complete::Shell;
+
+use crate::config::{ConfigError, Plan, schema};
+use crate::mesh::io::{ReadError, WriteError, check_folder_is_writable};
+use output::{print, show_error};
+
+/// Ball parameterizations of star-shaped solids with low quasi-conformal dilatation.
+#[derive(Debug, Parser)]
+#[command(name = "qcball", version, propagate_version = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Map a solid onto the unit ball as a config file says; results go to results/NAME.
+    Run(RunArguments),
+    /// Measure the exact dilatations of the map between two meshes with the same connectivity.
+    Measure(measure::MapArguments),
+    /// Print proved lower bounds for the dilatation of the map between two meshes with the same connectivity.
+    Bounds(measure::MapArguments),
+    /// Print the JSON schema of config files, which describes every key.
+    Schema,
+    /// Print a completion script for a shell.
+    Completions {
+        /// The shell.
+        shell: Shell,
+    },
+}
+
+#[derive(Debug, Args)]
+struct RunArguments {
+    /// The config file; `qcball schema` describes its keys.
+    config: PathBuf,
+    /// Override a key of the config, e.g. --set mesh.layers=4; may be given several times.
+    #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
+    set: Vec<String>,
+    /// The folder of the results instead of results/NAME.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Number of threads, instead of the config's; 0 for all cores.
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(0..=1024))]
+    threads: Option<u16>,
+    /// No progress and no summary.
+    #[arg(long)]
+    quiet: bool,
+    /// Print the report as JSON instead of the summary.
+    #[arg(long)]
+    json: bool,
+}
+
+/// How a command that was understood ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Ending {
+    /// Done.
+    Done,
+    /// Ended without what was asked for; what there is was written.
+    Unfulfilled,
+}
+
+/// Why a command did nothing.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum Failure {
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    #[error(transparent)]
+    Write(#[from] WriteError),
+    #[error(transparent)]
+    Measure(#[from] measure::MeasureError),
+    /// Standard output is closed or full; the reader of a closed pipe wants no more.
+    #[error("cannot write to standard output: {0}")]
+    Output(#[source] std::io::Error),
+}
+
+/// Runs the command line of this process.
+///
+/// Exit codes: 0 done; 1 ended without what was asked for, report written; 2 bad input or usage, nothing written.
+pub fn main() -> ExitCode {
+    let ending = match Cli::parse().command {
+        Command::Run(arguments) => run(&arguments),
+        Command::Measure(arguments) => measure::measure_map(&arguments),
+        Command::Bounds(arguments) => measure::bound_map(&arguments),
+        Command::Schema => print(&(schema() + "\n")),
+        Command::Completions { shell } => completions(shell),
+    };
+    match ending {
+        Ok(Ending::Done) => ExitCode::SUCCESS,
+        Ok(Ending::Unfulfilled) => ExitCode::from(1),
+        // `qcball schema | head` ends here: no news, and no failure.
+        Err(Failure::Output(error)) if error.kind() == std::io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
+        Err(failure) => {
+            show_error(&failure);
+            ExitCode::from(if matches!(failure, Failure::Output(_)) { 1 } else { 2 })
+        }
+    }
+}
+
+fn completions(shell: Shell) -> Result<Ending, Failure> {
+    let mut script = Vec::new();
+    clap_complete::generate(shell, &mut Cli::command(), "qcball", &mut script);
+    print(&String::from_utf8_lossy(&script))
+}
+
+fn run(arguments: &RunArguments) -> Result<Ending, Failure> {
+    let mut plan = Plan::read(&arguments.config, &arguments.set)?;
+    if let Some(threads) = arguments.threads {
+        plan.threads = Some(usize::from(threads)).filter(|&threads| threads > 0);
+    }
+    let folder = arguments.out.clone().unwrap_or_else(|| PathBuf::from("results").join(&plan.name));
+    // Before hours of work, not after.
+    check_folder_is_writable(&folder)?;
+    Ok(Ending::Unfulfilled)
+}

@@ -1,0 +1,115 @@
+//! What can be wrong with a config, told with the file, the line, the key and a remedy.
+
+use std::io;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use miette::{Diagnostic, NamedSource, SourceSpan};
+
+/// What is wrong with a config or with an override of it.
+#[derive(Debug, Diagnostic, thiserror::Error)]
+pub enum ConfigError {
+    /// The operating system refused: no such file, a directory, not UTF-8.
+    #[error("cannot read the config {}: {source}", path.display())]
+    #[diagnostic(help("name a TOML file; the least one has is\n{EXAMPLE}"))]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The system's reason.
+        source: io::Error,
+    },
+    /// The file's text is at fault.
+    #[error("{}{}: {message}", path.display(), line.map(|l| format!(":{l}")).unwrap_or_default())]
+    Content {
+        /// The file.
+        path: PathBuf,
+        /// The line, counted from 1, where one is to blame.
+        line: Option<usize>,
+        /// What is wrong.
+        message: String,
+        /// What to do.
+        #[help]
+        help: String,
+        /// The text, for the excerpt.
+        #[source_code]
+        text: Arc<NamedSource<String>>,
+        /// Where in the text.
+        #[label("here")]
+        span: Option<SourceSpan>,
+    },
+    /// An override is at fault, not the file.
+    #[error("--set {assignment}: {message}")]
+    Override {
+        /// The override as typed.
+        assignment: String,
+        /// What is wrong.
+        message: String,
+        /// What to do.
+        #[help]
+        help: String,
+    },
+}
+
+/// A config that can be run, as short as they come.
+pub(super) const EXAMPLE: &str = "[domain]\nsolid = \"cube\"      # or: file = \"part.obj\"\ncentre = \"kernel\"";
+
+/// A fault of some key, before it is known whether the file or an override set it.
+#[derive(Debug)]
+pub(super) struct Fault {
+    pub(super) key: Vec<&'static str>,
+    pub(super) message: String,
+    pub(super) help: String,
+}
+
+impl Fault {
+    pub(super) fn at(key: &[&'static str], message: String, help: impl Into<String>) -> Self {
+        Self { key: key.to_vec(), message, help: help.into() }
+    }
+}
+
+impl ConfigError {
+    pub(super) fn content(path: &Path, text: &str, span: Option<Range<usize>>, message: String, help: String) -> Self {
+        let line = span.as_ref().map(|span| 1 + text.as_bytes()[..span.start].iter().filter(|&&b| b == b'\n').count());
+        Self::Content {
+            path: path.to_path_buf(),
+            line,
+            message,
+            help,
+            text: Arc::new(NamedSource::new(path.display().to_string(), text.to_string())),
+            span: span.map(SourceSpan::from),
+        }
+    }
+}
+
+/// What serde said of a key or value, in the words of a config: message and help.
+pub(super) fn reworded(message: &str, key: Option<&str>) -> (String, String) {
+    let schema = "`qcball schema` describes every key";
+    // serde quotes the wrong name first and the known ones after it, each between backticks.
+    let mut names = message.split('`').skip(1).step_by(2);
+    let unknown = ["unknown field", "unknown variant"].into_iter().find(|start| message.starts_with(start));
+    if let (Some(unknown), Some(wrong)) = (unknown, names.next()) {
+        let known: Vec<&str> = names.collect();
+        let nearest = known
+            .iter()
+            .map(|name| (strsim::damerau_levenshtein(wrong, name), *name))
+            .min()
+            // Half of the letters wrong is no misspelling.
+            .filter(|(distance, _)| 2 * distance <= wrong.len())
+            .map(|(_, name)| format!("did you mean `{name}`? "))
+            .unwrap_or_default();
+        let what = match (unknown, key) {
+            ("unknown field", Some(key)) => format!("unknown key `{key}`"),
+            ("unknown field", None) => format!("unknown key `{wrong}`"),
+            (_, Some(key)) => format!("`{key}` cannot be `{wrong}`"),
+            (_, None) => format!("unknown value `{wrong}`"),
+        };
+        return (what, format!("{nearest}known here: {}; {schema}", known.join(", ")));
+    }
+    let plain = message
+        .replace("expected i64", "expected a whole number")
+        .replace("expected f64", "expected a number")
+        .replace("a sequence", "a list");
+    let what = key.map_or(plain.clone(), |key| format!("`{key}`: {plain}"));
+    (what, schema.to_string())
+}

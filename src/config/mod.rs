@@ -1,0 +1,210 @@
+//! The config file: [`Config`] as it was typed, [`Plan`] as it is meant.
+//!
+//! Every table is flat and every key optional in [`Config`], so that each message can name a key and a line; what the
+//! keys mean together is decided once, in [`Plan`].
+
+mod error;
+mod limits;
+mod plan;
+mod solid;
+mod source;
+
+pub use error::ConfigError;
+pub use plan::{DomainSource, InitialMap, Plan};
+pub use solid::SolidName;
+pub use source::ConfigSource;
+
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+/// A qcball config file, key by key as typed.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Config {
+    /// Name of the run; results go to results/NAME. Default: the config file's name without its ending.
+    pub name: Option<String>,
+    /// Seed of the random solids. Default: 0.
+    #[schemars(range(min = 0))]
+    pub seed: i64,
+    /// Number of threads; 0 or absent means all cores. The result is the same to the bit for any number.
+    #[schemars(range(min = 0, max = 1024))]
+    pub threads: Option<i64>,
+    /// The solid to be mapped onto the unit ball.
+    pub domain: DomainTable,
+    /// How the solid is filled with tetrahedra.
+    pub mesh: MeshTable,
+    /// The map to start from.
+    pub map: MapTable,
+    /// How the map is improved.
+    pub optimize: OptimizeTable,
+}
+
+/// The table `[domain]`: exactly one of `solid` and `file`, and what the solid needs.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct DomainTable {
+    /// A built-in solid. Exactly one of `solid` and `file` must be given.
+    pub solid: Option<SolidName>,
+    /// A surface or mesh file, relative to the config file; its format follows its ending.
+    pub file: Option<String>,
+    /// Number of sides of the base polygon, at least 3 (prism, pyramid, bipyramid). Default: 4.
+    #[schemars(range(min = 3, max = 100_000))]
+    pub sides: Option<i64>,
+    /// Height over a regular base polygon with sides of length 1, of each half for a bipyramid (prism, pyramid,
+    /// bipyramid). Default: 1.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub height: Option<f64>,
+    /// The three edge lengths (box). Default: [1, 2, 3].
+    pub size: Option<Vec<f64>>,
+    /// Radius (ball). Default: 1.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub radius: Option<f64>,
+    /// The three semi-axes (ellipsoid; default [1, 2, 3]), or the radius of the ring and of its tube (torus; default
+    /// [2, 1]).
+    pub radii: Option<Vec<f64>>,
+    /// How far the surface leaves the unit sphere, relative to its radius, between 0 and 1 (star-harmonics,
+    /// star-polyhedron). Default: 0.3.
+    #[schemars(range(min = 0, max = 1))]
+    pub amplitude: Option<f64>,
+    /// Highest degree of the spherical harmonics (star-harmonics). Default: 4.
+    #[schemars(range(min = 1, max = 16))]
+    pub degree: Option<i64>,
+    /// How finely a curved or random surface is triangulated: segments to an edge of a projected icosahedron, 20
+    /// resolution^2 triangles (ball, ellipsoid, star-harmonics, star-polyhedron), or round the tube, at least 3 (torus).
+    /// Default: 8.
+    #[schemars(range(min = 1, max = 1000))]
+    pub resolution: Option<i64>,
+    /// The star centre: "kernel" (a deep point of the set of all star centres; the default), "centroid", "bbox" (the
+    /// middle of the bounding box), "optimize" (the one with the least initial K) or a point [x, y, z].
+    pub centre: Option<CentreValue>,
+}
+
+/// The value of `domain.centre`.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(untagged, expecting = "the centre is \"kernel\", \"centroid\", \"bbox\", \"optimize\" or a point [x, y, z]")]
+pub enum CentreValue {
+    /// One of the named rules.
+    Named(CentreName),
+    /// A point in the solid's own coordinates.
+    At([f64; 3]),
+}
+
+/// A rule that finds the star centre.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum CentreName {
+    /// A deep point of the kernel, the set of all star centres.
+    Kernel,
+    /// The centre of mass.
+    Centroid,
+    /// The middle of the bounding box.
+    Bbox,
+    /// The star centre whose radial map has the least K.
+    Optimize,
+}
+
+/// The table `[mesh]`.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct MeshTable {
+    /// The mesher. Default: "shell", cones over the surface triangles cut into layers.
+    pub kind: MeshKind,
+    /// Each surface triangle is first split into this number squared, at least 1. Default: 1.
+    #[schemars(range(min = 1, max = 1000))]
+    pub subdivisions: Option<i64>,
+    /// Halve the longest edges until none is longer than this, in the solid's own units. Not together with `cells`.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub edge_length: Option<f64>,
+    /// Halve the longest edges until there are at least this many tetrahedra. Not together with `edge_length`.
+    #[schemars(range(min = 1, max = 100_000_000))]
+    pub cells: Option<i64>,
+    /// Number of layers from the centre to the surface, at least 1. Default: 8.
+    #[schemars(range(min = 1, max = 10_000))]
+    pub layers: Option<i64>,
+    /// Ratio of the thicknesses of successive layers outward, > 0. Default: 1, all layers equally thick.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub grading: Option<f64>,
+}
+
+/// A mesher.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum MeshKind {
+    /// Cones over the surface triangles, cut into layers.
+    #[default]
+    Shell,
+}
+
+/// The table `[map]`.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct MapTable {
+    /// The map to start from. Default: "radial", Caraman's.
+    pub kind: MapKind,
+    /// Exponent a > 0 of the radial map: the point at the fraction t of the way to the surface goes to radius t^a.
+    /// Default: 1.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub exponent: Option<f64>,
+}
+
+/// A map to start from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum MapKind {
+    /// Caraman's radial map.
+    #[default]
+    Radial,
+}
+
+/// The table `[optimize]`.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct OptimizeTable {
+    /// What is made small. Default: "max", the largest K of any tetrahedron.
+    pub objective: ObjectiveName,
+    /// Exponent p > 0 of the objective "soft-max", which needs it and alone takes it.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub exponent: Option<f64>,
+    /// The method that moves the vertices. Default: "newton", projected Newton with a sparse factorization.
+    pub engine: EngineName,
+    /// Accuracy in ln K at which the last phase ends, > 0. Default: 1e-6.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub tolerance: Option<f64>,
+    /// Most iterations over all phases; 0 measures the start only. Default: 1000.
+    #[schemars(range(min = 0))]
+    pub max_iterations: Option<i64>,
+    /// Most seconds of optimizing, > 0. Default: no limit. A run that ends by it need not be repeatable.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub time_limit: Option<f64>,
+}
+
+/// The method that moves the vertices.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum EngineName {
+    /// Projected Newton with a sparse factorization.
+    #[default]
+    Newton,
+    /// Limited-memory BFGS.
+    Lbfgs,
+}
+
+/// What is made small.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum ObjectiveName {
+    /// The largest K, by continuation of soft maxima and a barrier.
+    #[default]
+    Max,
+    /// One soft maximum.
+    SoftMax,
+}
+
+/// The JSON schema of the config file, with every key's meaning and default.
+pub fn schema() -> String {
+    let schema = schemars::schema_for!(Config);
+    serde_json::to_string_pretty(&schema).expect("a schema has string keys and finite numbers")
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,193 @@
+//! What a config means: checked, with paths resolved and choices as types.
+
+use std::path::{Component, Path, PathBuf};
+use std::time::Duration;
+
+use super::error::{ConfigError, EXAMPLE, Fault};
+use super::limits::{positive, whole};
+use super::{
+    CentreName, CentreValue, Config, ConfigSource, EngineName, MapKind, MeshKind, MeshTable, ObjectiveName, solid,
+};
+use crate::mesh::Vec3;
+use crate::optimize::{Engine, Objective, OptimizeSettings};
+use crate::solid::{CentreChoice, MOST_TETS, Refinement, ShellSettings, Solid};
+
+/// A run that can be started.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// Name of the run.
+    pub name: String,
+    /// The config it was made from.
+    pub source: ConfigSource,
+    /// Seed of the random solids.
+    pub seed: u64,
+    /// Number of threads; `None` for all cores.
+    pub threads: Option<usize>,
+    /// What is mapped.
+    pub domain: DomainSource,
+    /// Its star centre.
+    pub centre: CentreChoice,
+    /// How it is filled with tets.
+    pub mesh: ShellSettings,
+    /// The map to start from.
+    pub map: InitialMap,
+    /// How the map is improved.
+    pub optimize: OptimizeSettings,
+}
+
+/// Where the domain comes from.
+#[derive(Clone, Debug, PartialEq)]
+pub enum DomainSource {
+    /// A built-in solid.
+    Solid(Solid),
+    /// A file that was there when the config was read.
+    File(PathBuf),
+}
+
+/// The map to start from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum InitialMap {
+    /// Caraman's radial map, with radii t^exponent.
+    Radial {
+        /// > 0; 1 maps rays linearly.
+        exponent: f64,
+    },
+}
+
+impl Plan {
+    /// Reads a config, applies the overrides `key.path=value` and checks what they mean together.
+    ///
+    /// # Errors
+    /// The first fault, with the file, line and key or the override to blame, and what to do.
+    pub fn read(path: &Path, overrides: &[String]) -> Result<Self, ConfigError> {
+        let (source, config) = ConfigSource::read(path, overrides)?;
+        Self::new(&source, &config).map_err(|fault| source.error(fault))
+    }
+
+    fn new(source: &ConfigSource, config: &Config) -> Result<Self, Fault> {
+        Ok(Self {
+            name: name(source.path(), config)?,
+            source: source.clone(),
+            seed: whole(Some(config.seed), 0, 0..=i64::MAX, &["seed"])?,
+            threads: Some(whole(config.threads, 0, 0..=1024, &["threads"])?).filter(|&threads| threads > 0),
+            domain: domain(source.path(), config)?,
+            centre: centre(config)?,
+            mesh: mesh(&config.mesh)?,
+            map: match config.map.kind {
+                MapKind::Radial => {
+                    InitialMap::Radial { exponent: positive(config.map.exponent, 1.0, &["map", "exponent"])? }
+                }
+            },
+            optimize: optimize(config)?,
+        })
+    }
+}
+
+fn name(config_path: &Path, config: &Config) -> Result<String, Fault> {
+    let stem = || config_path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+    let name = config.name.clone().unwrap_or_else(stem);
+    // The name becomes a folder below results/, and must not lead out of it.
+    let mut parts = Path::new(&name).components();
+    match (parts.next(), parts.next()) {
+        (Some(Component::Normal(only)), None) if only == name.as_str() && !name.contains(['\\', '\0']) => Ok(name),
+        _ => Err(Fault::at(
+            &["name"],
+            format!("the name {name:?} cannot be the name of a folder"),
+            "give a name without slashes, for example name = \"cube-fine\"",
+        )),
+    }
+}
+
+fn domain(config_path: &Path, config: &Config) -> Result<DomainSource, Fault> {
+    let domain = &config.domain;
+    let source = match (domain.solid, &domain.file) {
+        (Some(_), Some(_)) => {
+            let message = "both `solid` and `file` are given".to_string();
+            return Err(Fault::at(&["domain", "file"], message, "keep one of them"));
+        }
+        (None, None) => {
+            let message = "no solid is given: [domain] needs exactly one of `solid` and `file`".to_string();
+            return Err(Fault::at(&["domain"], message, format!("the least a config has is\n{EXAMPLE}")));
+        }
+        (Some(name), None) => DomainSource::Solid(solid::build(name, config)?),
+        (None, Some(file)) => {
+            let path = config_path.parent().unwrap_or(Path::new("")).join(file);
+            if !path.is_file() {
+                let why = if path.exists() { "is not a file" } else { "does not exist" };
+                let message = format!("the file {} {why}", path.display());
+                return Err(Fault::at(&["domain", "file"], message, "paths are relative to the config file"));
+            }
+            DomainSource::File(path)
+        }
+    };
+    solid::check_parameters(domain)?;
+    Ok(source)
+}
+
+fn centre(config: &Config) -> Result<CentreChoice, Fault> {
+    Ok(match &config.domain.centre {
+        None | Some(CentreValue::Named(CentreName::Kernel)) => CentreChoice::Kernel,
+        Some(CentreValue::Named(CentreName::Centroid)) => CentreChoice::Centroid,
+        Some(CentreValue::Named(CentreName::Bbox)) => CentreChoice::BoundingBox,
+        Some(CentreValue::Named(CentreName::Optimize)) => CentreChoice::Optimize,
+        Some(CentreValue::At(point)) if point.iter().all(|x| x.is_finite()) => CentreChoice::At(Vec3::from(*point)),
+        Some(CentreValue::At(point)) => {
+            let message = format!("the centre {point:?} is not finite");
+            return Err(Fault::at(&["domain", "centre"], message, "give three finite coordinates"));
+        }
+    })
+}
+
+fn mesh(table: &MeshTable) -> Result<ShellSettings, Fault> {
+    let MeshKind::Shell = table.kind;
+    let refinement = match (table.edge_length, table.cells) {
+        (Some(_), Some(_)) => {
+            let message = "both `edge_length` and `cells` say how far to refine".to_string();
+            return Err(Fault::at(&["mesh", "cells"], message, "keep one of them"));
+        }
+        (Some(length), None) => Some(Refinement::EdgeLength(positive(Some(length), 0.1, &["mesh", "edge_length"])?)),
+        (None, Some(cells)) => {
+            Some(Refinement::Cells(whole(Some(cells), 10_000, 1..=MOST_TETS as i64, &["mesh", "cells"])?))
+        }
+        (None, None) => None,
+    };
+    Ok(ShellSettings {
+        subdivisions: whole(table.subdivisions, 1, 1..=1000, &["mesh", "subdivisions"])?,
+        refinement,
+        layers: whole(table.layers, 8, 1..=10_000, &["mesh", "layers"])?,
+        grading: positive(table.grading, 1.0, &["mesh", "grading"])?,
+    })
+}
+
+fn optimize(config: &Config) -> Result<OptimizeSettings, Fault> {
+    /// Some thirty years: longer than any run, and far from the largest `Duration`.
+    const LONGEST: f64 = 1e9;
+    let table = &config.optimize;
+    let default = OptimizeSettings::default();
+    let key = ["optimize", "exponent"];
+    let objective = match (table.objective, table.exponent) {
+        (ObjectiveName::Max, None) => Objective::Max,
+        (ObjectiveName::SoftMax, Some(exponent)) => Objective::SoftMax(positive(Some(exponent), 48.0, &key)?),
+        (ObjectiveName::Max, Some(_)) => {
+            let message = "the objective \"max\" takes no `exponent`".to_string();
+            return Err(Fault::at(&key, message, "remove it, or add objective = \"soft-max\""));
+        }
+        (ObjectiveName::SoftMax, None) => {
+            let message = "the objective \"soft-max\" needs an `exponent`".to_string();
+            return Err(Fault::at(&["optimize", "objective"], message, "add for example exponent = 48"));
+        }
+    };
+    let seconds =
+        table.time_limit.map(|given| positive(Some(given), 600.0, &["optimize", "time_limit"])).transpose()?;
+    let key = ["optimize", "max_iterations"];
+    Ok(OptimizeSettings {
+        objective,
+        engine: match table.engine {
+            EngineName::Newton => Engine::Newton,
+            EngineName::Lbfgs => Engine::Lbfgs,
+        },
+        tolerance: positive(table.tolerance, default.tolerance, &["optimize", "tolerance"])?,
+        max_iterations: whole(table.max_iterations, default.max_iterations as i64, 0..=1_000_000_000, &key)?,
+        time_limit: seconds.map(|seconds| Duration::from_secs_f64(seconds.min(LONGEST))),
+    })
+}

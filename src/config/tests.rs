@@ -1,0 +1,222 @@
+use std::path::Path;
+
+use super::*;
+use crate::mesh::Vec3;
+use crate::optimize::{Engine, Objective, OptimizeSettings};
+use crate::solid::{CentreChoice, Refinement, ShellSettings, Solid};
+
+/// A config file in a folder of its own, named `case.toml`.
+fn plan(text: &str, overrides: &[&str]) -> Result<Plan, ConfigError> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("case.toml");
+    std::fs::write(&path, text).unwrap();
+    std::fs::write(folder.path().join("part.obj"), "").unwrap();
+    let overrides: Vec<String> = overrides.iter().map(|one| one.to_string()).collect();
+    Plan::read(&path, &overrides)
+}
+
+/// The message, then the help.
+fn refusal(text: &str, overrides: &[&str]) -> String {
+    let error = plan(text, overrides).expect_err(text);
+    let help = miette::Diagnostic::help(&error).map(|help| help.to_string()).unwrap_or_default();
+    format!("{error}\n{help}")
+}
+
+#[test]
+fn the_least_config_has_the_documented_defaults() {
+    let plan = plan("[domain]\nsolid = \"cube\"", &[]).unwrap();
+    assert_eq!(plan.name, "case");
+    assert_eq!((plan.seed, plan.threads), (0, None));
+    assert_eq!((plan.domain, plan.centre), (DomainSource::Solid(Solid::Cube), CentreChoice::Kernel));
+    assert_eq!(plan.mesh, ShellSettings { subdivisions: 1, refinement: None, layers: 8, grading: 1.0 });
+    assert_eq!(plan.map, InitialMap::Radial { exponent: 1.0 });
+    assert_eq!(plan.optimize, OptimizeSettings::default());
+}
+
+#[test]
+fn every_key_arrives() {
+    let text = "name = \"fine\"\nseed = 7\nthreads = 2\n[domain]\nsolid = \"star-harmonics\"\namplitude = 0.5\n\
+                degree = 6\nresolution = 16\ncentre = [0, 0.5, 1]\n[mesh]\nkind = \"shell\"\nsubdivisions = 2\ncells = 1000\nlayers = 3\n\
+                grading = 1.5\n[map]\nkind = \"radial\"\nexponent = 2\n[optimize]\nobjective = \"soft-max\"\n\
+                exponent = 16\nengine = \"lbfgs\"\ntolerance = 1e-3\nmax_iterations = 9\ntime_limit = 0.5";
+    let plan = plan(text, &[]).unwrap();
+    assert_eq!((plan.name.as_str(), plan.seed, plan.threads), ("fine", 7, Some(2)));
+    let solid = Solid::SmoothStar { amplitude: 0.5, degree: 6, resolution: 16, seed: 7 };
+    assert_eq!((plan.domain, plan.centre), (DomainSource::Solid(solid), CentreChoice::At(Vec3::new(0.0, 0.5, 1.0))));
+    assert_eq!(
+        plan.mesh,
+        ShellSettings { subdivisions: 2, refinement: Some(Refinement::Cells(1000)), layers: 3, grading: 1.5 }
+    );
+    assert_eq!(plan.map, InitialMap::Radial { exponent: 2.0 });
+    let expected = OptimizeSettings {
+        objective: Objective::SoftMax(16.0),
+        engine: Engine::Lbfgs,
+        tolerance: 1e-3,
+        max_iterations: 9,
+        time_limit: Some(std::time::Duration::from_millis(500)),
+    };
+    assert_eq!(plan.optimize, expected);
+}
+
+#[test]
+fn every_solid_can_be_named_and_takes_its_own_parameters_only() {
+    use SolidName::*;
+    let solids = [
+        (Tetrahedron, ""),
+        (Cube, ""),
+        (Octahedron, ""),
+        (Dodecahedron, ""),
+        (Icosahedron, ""),
+        (Prism, "sides = 5\nheight = 2"),
+        (Pyramid, "sides = 5\nheight = 2"),
+        (Bipyramid, "sides = 5\nheight = 2"),
+        (Box, "size = [1, 2, 4]"),
+        (Ball, "radius = 2\nresolution = 4"),
+        (Torus, "radii = [3, 1]\nresolution = 4"),
+        (Ellipsoid, "radii = [1, 2, 2.5]\nresolution = 4"),
+        (StarHarmonics, "amplitude = 0.1\ndegree = 3\nresolution = 4"),
+        (StarPolyhedron, "amplitude = 0.1\nresolution = 4"),
+    ];
+    let all = "sides = 5\nheight = 2\nsize = [1, 2, 4]\nradius = 2\nradii = [3, 1]\namplitude = 0.1\ndegree = 3\nresolution = 4";
+    for (name, parameters) in solids {
+        let start = format!("[domain]\nsolid = \"{}\"\n", solid::spelled(name));
+        plan(&start, &[]).unwrap();
+        plan(&format!("{start}{parameters}"), &[]).unwrap();
+        for foreign in all.lines().filter(|line| !parameters.contains(line.split(' ').next().unwrap())) {
+            let key = foreign.split(' ').next().unwrap();
+            let message = refusal(&format!("{start}{foreign}"), &[]);
+            assert!(message.contains(&format!("case.toml:3: `{key}` is no parameter of")), "{name:?} {message}");
+        }
+    }
+    let message = refusal("[domain]\nfile = \"part.obj\"\nsides = 3", &[]);
+    assert!(message.contains("case.toml:3: `sides` is no parameter of a file"), "{message}");
+    assert!(message.contains("prism or pyramid or bipyramid"), "{message}");
+}
+
+#[test]
+fn faults_name_line_key_and_remedy() {
+    let cube = "[domain]\nsolid = \"cube\"\n";
+    let cases: &[(&str, &[&str])] = &[
+        ("", &["case.toml: no solid", "[domain]\nsolid = \"cube\""]),
+        ("# nothing\n[domain]\n", &["case.toml:2: no solid"]),
+        ("[domain]\nsolid = \"cube\"\nfile = \"part.obj\"", &["case.toml:3: both"]),
+        (
+            "[domain]\nfile = \"none.obj\"",
+            &["case.toml:2: the file ", "none.obj does not exist", "relative to the config"],
+        ),
+        ("[domain]\nfile = \".\"", &["case.toml:2: the file ", "is not a file"]),
+        ("[domain]\nsolid = \"cub\"", &["case.toml:2: `domain.solid` cannot be `cub`", "did you mean `cube`?"]),
+        ("[domain]\nsolid = 3", &["case.toml:2: `domain.solid`"]),
+        ("[domain]\nsolid = \"cube\"\ncentre = [0, 1]", &["case.toml:3: `domain.centre`", "a point [x, y, z]"]),
+        ("[domain]\nsolid = \"cube\"\ncentre = \"middle\"", &["case.toml:3: `domain.centre`", "\"kernel\""]),
+        ("[domain]\nsolid = \"cube\"\ncentre = [0, nan, 1]", &["case.toml:3", "not finite"]),
+        ("[domain]\nsolid = \"box\"\nsize = [1, 2]", &["case.toml:3: `size`", "3 lengths"]),
+        ("[domain]\nsolid = \"torus\"\nradii = [1, 2]", &["case.toml:3", "ring > tube"]),
+        ("[domain]\nsolid = \"prism\"\nsides = 2", &["case.toml:3: `domain.sides` is 2"]),
+        ("[domian]\nsolid = \"cube\"", &["case.toml:1: unknown key `domian`", "did you mean `domain`?"]),
+        (&format!("{cube}[mesh]\nlayer = 3"), &["case.toml:4: unknown key `mesh.layer`", "did you mean `layers`?"]),
+        (&format!("{cube}[mesh]\nzzz = 3"), &["case.toml:4: unknown key `mesh.zzz`", "known here: kind, subdivisions"]),
+        (&format!("{cube}[mesh]\nlayers = 0"), &["case.toml:4: `mesh.layers` is 0", "between 1 and"]),
+        (&format!("{cube}[mesh]\nlayers = 2.5"), &["case.toml:4: `mesh.layers`", "a whole number"]),
+        (&format!("{cube}[mesh]\nlayers = \"3\""), &["case.toml:4: `mesh.layers`", "a whole number"]),
+        (&format!("{cube}[mesh]\ngrading = -1"), &["case.toml:4: `mesh.grading` is -1", "greater than 0"]),
+        (&format!("{cube}mesh = {{ cells = 9,\n edge_length = 1 }}"), &["unknown key `domain.mesh`"]),
+        (&format!("{cube}[mesh]\ncells = 9\nedge_length = 1"), &["case.toml:4: both `edge_length` and `cells`"]),
+        (&format!("{cube}[map]\nexponent = -2"), &["case.toml:4: `map.exponent` is -2"]),
+        (&format!("{cube}[map]\nexponent = inf"), &["case.toml:4: `map.exponent` is inf"]),
+        (
+            &format!("{cube}[optimize]\nexponent = -1\nobjective = \"soft-max\""),
+            &["case.toml:4: `optimize.exponent` is -1"],
+        ),
+        (&format!("{cube}[optimize]\nexponent = 4"), &["case.toml:4: the objective \"max\" takes no `exponent`"]),
+        (&format!("{cube}[optimize]\nobjective = \"soft-max\""), &["case.toml:4", "needs an `exponent`"]),
+        (&format!("{cube}[optimize]\ntolerance = 0"), &["case.toml:4: `optimize.tolerance` is 0"]),
+        (&format!("{cube}[optimize]\nmax_iterations = -1"), &["case.toml:4: `optimize.max_iterations` is -1"]),
+        ("seed = -1\n[domain]\nsolid = \"cube\"", &["case.toml:1: `seed` is -1"]),
+        ("threads = -1\n[domain]\nsolid = \"cube\"", &["case.toml:1: `threads` is -1"]),
+        ("name = \"../up\"\n[domain]\nsolid = \"cube\"", &["case.toml:1: the name \"../up\""]),
+        ("name = \"\"\n[domain]\nsolid = \"cube\"", &["case.toml:1: the name \"\""]),
+        ("[domain\nsolid = \"cube\"", &["case.toml:1: "]),
+        ("[domain]\nsolid = \"cube\"\nsolid = \"ball\"", &["case.toml:3: ", "duplicate key"]),
+    ];
+    for (text, words) in cases {
+        let message = refusal(text, &[]);
+        for word in *words {
+            assert!(message.contains(word), "{text}\n-> {message}\nlacks {word}");
+        }
+    }
+}
+
+#[test]
+fn overrides_apply_in_order_and_are_blamed_for_their_own_faults() {
+    let cube = "[domain]\nsolid = \"cube\"\n[mesh]\nlayers = 0";
+    let good = plan(cube, &["mesh.layers=2", "domain.solid=ball", "domain.resolution = 3", "mesh.layers=5"]).unwrap();
+    assert_eq!(good.mesh.layers, 5);
+    assert_eq!(good.domain, DomainSource::Solid(Solid::Ball { radius: 1.0, resolution: 3 }));
+    assert_eq!(plan("", &["domain.solid=\"ball\""]).unwrap().source.overrides().count(), 1);
+    let cases: &[(&str, &[&str])] = &[
+        ("mesh.layers", &["--set mesh.layers: there is no `=`"]),
+        ("mesh..layers=1", &["--set mesh..layers=1: a part of the key is empty"]),
+        ("mesh.layer=1", &["--set mesh.layer=1: unknown key `mesh.layer`", "did you mean `layers`?"]),
+        ("mesh.layers=0", &["--set mesh.layers=0: `mesh.layers` is 0"]),
+        ("mesh.layers=many", &["--set mesh.layers=many: `mesh.layers`", "a whole number"]),
+        ("mesh={layers=-1}", &["--set mesh={layers=-1}: `mesh.layers` is -1"]),
+        ("mesh.layers.x=1", &["`layers` is a value, not a table"]),
+        ("domain.solid=cub", &["`domain.solid` cannot be `cub`", "did you mean `cube`?"]),
+        ("domain.sides=3", &["--set domain.sides=3: `sides` is no parameter of the solid cube"]),
+        ("seed=1\nthreads=2", &["--set seed=1\nthreads=2: `seed`"]),
+    ];
+    for (typed, words) in cases {
+        let message = refusal(cube, &[typed]);
+        for word in *words {
+            assert!(message.contains(word), "{typed}\n-> {message}\nlacks {word}");
+        }
+    }
+    // The fault is the file's, whatever else was overridden.
+    assert!(refusal(cube, &["mesh.grading=2"]).contains("case.toml:4: `mesh.layers` is 0"));
+}
+
+#[test]
+fn the_hash_sees_meaning_not_layout_or_threads() {
+    let hash = |text: &str, overrides: &[&str]| plan(text, overrides).unwrap().source.hash();
+    let plain = hash("seed = 1\n[domain]\nsolid = \"cube\"\ncentre = \"kernel\"", &[]);
+    assert_eq!(plain, hash("threads = 2\nseed=1 # same\ndomain = { centre = \"kernel\", solid = 'cube' }", &[]));
+    assert_eq!(plain, hash("[domain]\nsolid = \"cube\"\ncentre = \"kernel\"", &["seed=1"]));
+    assert_ne!(plain, hash("seed = 2\n[domain]\nsolid = \"cube\"\ncentre = \"kernel\"", &[]));
+}
+
+#[test]
+fn the_schema_describes_every_key() {
+    let schema: serde_json::Value = serde_json::from_str(&schema()).unwrap();
+    let mut described = 0;
+    let tables = schema["$defs"].as_object().unwrap().values().chain([&schema]);
+    for table in tables.filter(|table| table["type"] == "object") {
+        for (key, value) in table["properties"].as_object().unwrap() {
+            assert!(value["description"].is_string(), "{key} lacks a description");
+            described += 1;
+        }
+        assert_eq!(table["additionalProperties"], false);
+    }
+    assert_eq!(described, 32, "keys in the schema");
+    let text = schema.to_string();
+    for solid in ["\"tetrahedron\"", "\"star-polyhedron\""] {
+        assert!(text.contains(solid), "{solid}");
+    }
+}
+
+#[test]
+fn a_missing_file_and_a_folder_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    for path in [folder.path(), &folder.path().join("none.toml"), Path::new("")] {
+        let message = Plan::read(path, &[]).unwrap_err().to_string();
+        assert!(message.starts_with(&format!("cannot read the config {}: ", path.display())), "{message}");
+    }
+}
+
+proptest::proptest! {
+    #[test]
+    fn random_text_never_panics(text in "([a-z_.]{0,6}|\\[domain\\]|solid|=|\"cube\"|[0-9eE.+-]{0,4}|[\\[\\]{},\n #'])*") {
+        let _ = plan(&text, &[]);
+        let _ = plan("", &[&text]);
+    }
+}

@@ -1,0 +1,7 @@
+//! The command `qcball`.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    qcball::cli::main()
+}

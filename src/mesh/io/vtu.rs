@@ -1,0 +1,133 @@
+//! VTU, the XML file of an unstructured grid that ParaView, PyVista and meshio read. Written only.
+//!
+//! Arrays stand inline, each as base64 of a header `[blocks, block size, size of the last block if partial, compressed
+//! sizes ...]` followed by base64 of the zlib blocks. Indices are Int64: UInt64, which other writers use, arrives in
+//! meshio as floats and cannot index.
+
+use std::io::{self, Write};
+use std::path::Path;
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use flate2::Compression;
+use flate2::write::ZlibEncoder;
+
+use super::{WriteError, write_atomically};
+use crate::mesh::{Vec3, VertexId};
+
+/// VTK's own default block size is of this order; smaller blocks compress worse, larger ones gain nothing.
+const BLOCK_BYTES: usize = 32_768;
+
+/// VTK's number for a linear tetrahedron.
+const VTK_TETRA: u8 = 10;
+
+/// A named array with one entry a point or one a cell.
+#[derive(Clone, Debug)]
+pub struct DataArray<'a> {
+    /// The name under which a viewer lists it; stands in an XML attribute, so no quotes or angle brackets.
+    pub name: &'static str,
+    /// The entries.
+    pub values: Values<'a>,
+}
+
+/// The entries of a [`DataArray`].
+#[derive(Clone, Debug)]
+pub enum Values<'a> {
+    /// One number an entry; infinities and NaN arrive as such.
+    Scalars(&'a [f64]),
+    /// Three numbers an entry.
+    Vectors(&'a [Vec3]),
+    /// One yes or no an entry, as UInt8 1 or 0.
+    Flags(&'a [bool]),
+}
+
+impl Values<'_> {
+    fn len(&self) -> usize {
+        match self {
+            Values::Scalars(values) => values.len(),
+            Values::Vectors(values) => values.len(),
+            Values::Flags(values) => values.len(),
+        }
+    }
+}
+
+/// Writes a mesh with data on its points and cells.
+///
+/// # Errors
+/// The path and the system's reason.
+///
+/// # Panics
+/// When an array has not one entry a point or cell.
+pub fn write_vtu(
+    path: &Path,
+    points: &[Vec3],
+    tets: &[[VertexId; 4]],
+    point_data: &[DataArray],
+    cell_data: &[DataArray],
+) -> Result<(), WriteError> {
+    assert!(point_data.iter().all(|array| array.values.len() == points.len()), "one entry a point");
+    assert!(cell_data.iter().all(|array| array.values.len() == tets.len()), "one entry a cell");
+    let connectivity = integers(tets.iter().flatten().map(|v| i64::from(v.0)));
+    let offsets = integers((1..=tets.len() as i64).map(|number| 4 * number));
+    write_atomically(path, |file| {
+        writeln!(
+            file,
+            "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" \
+             header_type=\"UInt64\" compressor=\"vtkZLibDataCompressor\">\n<UnstructuredGrid>\n\
+             <Piece NumberOfPoints=\"{}\" NumberOfCells=\"{}\">",
+            points.len(),
+            tets.len()
+        )?;
+        writeln!(file, "<Points>")?;
+        write_values(file, "Points", &Values::Vectors(points))?;
+        writeln!(file, "</Points>\n<Cells>")?;
+        write_array(file, "Int64", "connectivity", 1, &connectivity)?;
+        write_array(file, "Int64", "offsets", 1, &offsets)?;
+        write_array(file, "UInt8", "types", 1, &vec![VTK_TETRA; tets.len()])?;
+        writeln!(file, "</Cells>\n<PointData>")?;
+        point_data.iter().try_for_each(|array| write_values(file, array.name, &array.values))?;
+        writeln!(file, "</PointData>\n<CellData>")?;
+        cell_data.iter().try_for_each(|array| write_values(file, array.name, &array.values))?;
+        writeln!(file, "</CellData>\n</Piece>\n</UnstructuredGrid>\n</VTKFile>")
+    })
+}
+
+fn integers(values: impl Iterator<Item = i64>) -> Vec<u8> {
+    values.flat_map(i64::to_le_bytes).collect()
+}
+
+fn write_values(file: &mut dyn Write, name: &str, values: &Values) -> io::Result<()> {
+    let floats = |values: &mut dyn Iterator<Item = f64>| values.flat_map(f64::to_le_bytes).collect::<Vec<u8>>();
+    match values {
+        Values::Scalars(values) => write_array(file, "Float64", name, 1, &floats(&mut values.iter().copied())),
+        Values::Vectors(values) => {
+            write_array(file, "Float64", name, 3, &floats(&mut values.iter().flat_map(|v| [v.x, v.y, v.z])))
+        }
+        Values::Flags(values) => {
+            write_array(file, "UInt8", name, 1, &values.iter().map(|&flag| flag.into()).collect::<Vec<u8>>())
+        }
+    }
+}
+
+fn write_array(file: &mut dyn Write, kind: &str, name: &str, components: usize, bytes: &[u8]) -> io::Result<()> {
+    let partial = bytes.len() % BLOCK_BYTES;
+    let mut header = vec![bytes.len().div_ceil(BLOCK_BYTES), BLOCK_BYTES, partial];
+    let mut compressed = Vec::new();
+    for block in bytes.chunks(BLOCK_BYTES) {
+        let start = compressed.len();
+        let mut encoder = ZlibEncoder::new(&mut compressed, Compression::default());
+        encoder.write_all(block)?;
+        encoder.finish()?;
+        header.push(compressed.len() - start);
+    }
+    // One component is the default; spelled out, meshio makes columns of shape (n, 1) of it.
+    let components = if components == 1 { String::new() } else { format!(" NumberOfComponents=\"{components}\"") };
+    let header: Vec<u8> = header.into_iter().flat_map(|size| (size as u64).to_le_bytes()).collect();
+    writeln!(
+        file,
+        "<DataArray type=\"{kind}\" Name=\"{name}\"{components} format=\"binary\">\n{}{}\n\
+         </DataArray>",
+        STANDARD.encode(header),
+        STANDARD.encode(compressed)
+    )
+}

@@ -1,0 +1,81 @@
+//! Figures that reports state of a domain and of its bounds.
+
+use serde::Serialize;
+
+use crate::bound::LowerBound;
+use crate::domain::Domain;
+use crate::mesh::{VertexId, smallest_dihedral_angle};
+use crate::solid::StarCentre;
+
+/// The size and shape of a domain.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct DomainFigures {
+    /// What it is of, in words: a solid's name or a file.
+    pub solid: String,
+    /// Number of vertices.
+    pub vertices: usize,
+    /// Number of tets.
+    pub tets: usize,
+    /// Number of tets all of whose vertices lie on the boundary, so that nothing can change their dilatation.
+    pub locked: usize,
+    /// Number of vertices on the boundary.
+    pub boundary_vertices: usize,
+    /// Number of triangles of the boundary.
+    pub boundary_triangles: usize,
+    /// Volume, in the solid's units cubed.
+    pub volume: f64,
+    /// Smallest dihedral angle of any tet, in degrees.
+    pub smallest_dihedral_angle: f64,
+    /// The star centre, in the solid's units.
+    pub centre: Option<[f64; 3]>,
+    /// Radius of the largest ball of star centres, in the solid's units.
+    pub kernel_radius: Option<f64>,
+    /// The alpha of the paper's geometric condition: the least angle between a ray from `centre` and the plane of the
+    /// triangle that it meets, in degrees.
+    pub smallest_angle: Option<f64>,
+}
+
+impl DomainFigures {
+    /// Counts and measures `domain`; what is known of its star centre, if it has one, is taken as given.
+    pub fn of(domain: &Domain, solid: String, centre: Option<&StarCentre>) -> Self {
+        let mesh = domain.mesh();
+        Self {
+            solid,
+            vertices: mesh.points().len(),
+            tets: mesh.tets().len(),
+            locked: domain.locked_tets().count(),
+            boundary_vertices: domain.boundary().vertex_mask().iter().filter(|&&on| on).count(),
+            boundary_triangles: domain.boundary().triangles().len(),
+            volume: domain.volumes().iter().sum(),
+            smallest_dihedral_angle: smallest_dihedral_angle(mesh),
+            centre: centre.map(|centre| centre.position.into()),
+            kernel_radius: centre.map(|centre| centre.kernel_radius),
+            smallest_angle: centre.map(|centre| centre.smallest_angle.to_degrees()),
+        }
+    }
+}
+
+/// The largest lower bound that speaks of the measured map, and how far above it the map is.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct BestBound {
+    /// The largest bound that is proved and applies, if any does.
+    pub best_bound: Option<f64>,
+    /// Achieved K / best bound, >= 1 and 1 where the map is proved to be best; none without a bound or a finite K.
+    pub gap: Option<f64>,
+}
+
+impl BestBound {
+    /// The best of `bounds` for a map whose largest K is `max_k`.
+    pub fn of(bounds: &[LowerBound], max_k: f64) -> Self {
+        let best_bound = bounds.iter().filter(|bound| bound.applies && bound.certified).map(|bound| bound.value);
+        let best_bound = best_bound.reduce(f64::max);
+        Self { best_bound, gap: best_bound.map(|bound| max_k / bound).filter(|gap| gap.is_finite()) }
+    }
+}
+
+/// For each vertex, whether it lies on the boundary, and for each tet, whether all its vertices do.
+pub(super) fn boundary_flags(domain: &Domain) -> (&[bool], Vec<bool>) {
+    let on_boundary = domain.boundary().vertex_mask();
+    let locked = |tet: &[VertexId; 4]| tet.iter().all(|v| on_boundary[v.index()]);
+    (on_boundary, domain.mesh().tets().iter().map(locked).collect())
+}

@@ -1,0 +1,101 @@
+//! The record of a run, and the files and the summary that are views of it.
+
+mod figures;
+mod results;
+mod summary;
+
+pub use figures::{BestBound, DomainFigures};
+pub use results::{MapRecord, write_results};
+pub use summary::summary;
+pub(crate) use summary::{bounds_table, dilatations};
+
+use serde::Serialize;
+
+use crate::bound::LowerBound;
+use crate::measure::{Bottleneck, Summary};
+use crate::optimize::StopReason;
+
+/// Everything a reader needs to doubt a result; `report.json` holds it under these names, in this order.
+///
+/// An infinite number is `null` in JSON. For a given program, config and overrides every key but [`Report::times`]'
+/// two, `threads` and `seconds`, is the same to the bit on any number of threads, unless a time limit ended the run.
+#[derive(Clone, Debug, Serialize)]
+pub struct Report {
+    /// Name of the run.
+    pub name: String,
+    /// Version of qcball.
+    pub version: &'static str,
+    /// Revision qcball was built from, `-modified` if its sources were, `unknown` outside a checkout.
+    pub revision: &'static str,
+    /// The config's path as given.
+    pub config: String,
+    /// blake3 of the config's keys and values with the overrides, whatever their layout.
+    pub config_hash: String,
+    /// The overrides of the command line, in order.
+    pub overrides: Vec<String>,
+    /// Seed of the random solids.
+    pub seed: u64,
+    /// The domain.
+    pub domain: DomainFigures,
+    /// The map started from, measured.
+    pub initial: Summary,
+    /// The map arrived at, measured from its positions alone.
+    #[serde(rename = "final")]
+    pub last: Summary,
+    /// Whether the final map is a bijection onto its image.
+    pub bijective: bool,
+    /// Why it is, or is not, or is not known to be.
+    pub bijective_reason: String,
+    /// Number of tets that attain the final largest K.
+    pub active: usize,
+    /// What the active tets sit on.
+    pub bottleneck: Option<Bottleneck>,
+    /// Every lower bound that was computed.
+    pub bounds: Vec<LowerBound>,
+    /// The largest bound that applies to the final map, and the gap to it.
+    #[serde(flatten)]
+    pub best: BestBound,
+    /// Why the optimisation ended.
+    pub stop: StopReason,
+    /// Iterations over all phases.
+    pub iterations: usize,
+    /// What a reader should know before trusting the numbers.
+    pub warnings: Vec<String>,
+    /// The config's text.
+    pub config_text: String,
+    /// What depends on the machine and its load.
+    #[serde(flatten)]
+    pub times: Times,
+}
+
+/// The keys of a report that differ from one run to the next.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Times {
+    /// Number of threads used.
+    pub threads: usize,
+    /// Seconds of the whole run.
+    pub seconds: f64,
+}
+
+impl Report {
+    /// Version of this qcball.
+    pub const VERSION: &'static str = env!("CARGO_PKG_VERSION");
+    /// Revision this qcball was built from.
+    pub const REVISION: &'static str = env!("QCBALL_REVISION");
+
+    /// The report as it stands in `report.json`.
+    pub fn to_json(&self) -> String {
+        to_json(self)
+    }
+}
+
+/// Pretty JSON with a line break at the end; infinite numbers become `null`.
+///
+/// # Panics
+/// When a map's keys are not strings, which no type of this crate has.
+pub fn to_json(value: &impl Serialize) -> String {
+    serde_json::to_string_pretty(value).expect("string keys only") + "\n"
+}
+
+#[cfg(test)]
+mod tests;

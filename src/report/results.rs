@@ -1,0 +1,149 @@
+//! The files of a results folder: the record and its tables and meshes.
+
+use std::io;
+use std::path::Path;
+
+use serde::Serialize;
+
+use super::Report;
+use super::figures::boundary_flags;
+use crate::dilatation::Dilatation;
+use crate::domain::Domain;
+use crate::measure::Measured;
+use crate::mesh::io::{DataArray, Values, WriteError, write_atomically, write_vtu};
+use crate::mesh::{TetId, Vec3};
+use crate::optimize::TraceRow;
+
+/// The maps behind a report: what its tables and meshes show cell by cell.
+#[derive(Clone, Copy, Debug)]
+pub struct MapRecord<'a> {
+    /// The domain.
+    pub domain: &'a Domain,
+    /// Image positions started from.
+    pub initial: &'a [Vec3],
+    /// Image positions arrived at.
+    pub image: &'a [Vec3],
+    /// The map started from, measured.
+    pub measured_initial: &'a Measured,
+    /// The map arrived at, measured.
+    pub measured: &'a Measured,
+    /// The tets that attain the largest K.
+    pub active: &'a [TetId],
+    /// One row an iteration.
+    pub trace: &'a [TraceRow],
+}
+
+/// Writes `report.json`, `trace.csv`, `cells.csv`, `domain.vtu` and `image.vtu` into `folder`, made if missing.
+///
+/// The report comes last: where it stands, the rest does.
+///
+/// # Errors
+/// The first file that could not be written, and why.
+pub fn write_results(folder: &Path, report: &Report, record: &MapRecord) -> Result<(), WriteError> {
+    write_csv(&folder.join("trace.csv"), record.trace.iter())?;
+    let cells = Cells::of(record);
+    write_csv(&folder.join("cells.csv"), cells.rows(record))?;
+    let data = cells.arrays(record.domain.volumes());
+    let points = record.domain.mesh().points();
+    let displacement: Vec<Vec3> = record.image.iter().zip(record.initial).map(|(now, start)| now - start).collect();
+    for (name, shown, other_name, other) in
+        [("domain.vtu", points, "image position", record.image), ("image.vtu", record.image, "domain position", points)]
+    {
+        let point_data = [
+            DataArray { name: "boundary", values: Values::Flags(cells.on_boundary) },
+            DataArray { name: other_name, values: Values::Vectors(other) },
+            DataArray { name: "displacement from start", values: Values::Vectors(&displacement) },
+        ];
+        write_vtu(&folder.join(name), shown, record.domain.mesh().tets(), &point_data, &data)?;
+    }
+    write_atomically(&folder.join("report.json"), |file| file.write_all(report.to_json().as_bytes()))
+}
+
+/// What is known of each cell, column by column.
+struct Cells<'a> {
+    on_boundary: &'a [bool],
+    locked: Vec<bool>,
+    active: Vec<bool>,
+    inner: Vec<f64>,
+    outer: Vec<f64>,
+    k: Vec<f64>,
+    k_initial: Vec<f64>,
+}
+
+/// One line of `cells.csv`.
+#[derive(Serialize)]
+struct CellRow {
+    tet: usize,
+    volume: f64,
+    k_inner_initial: f64,
+    k_outer_initial: f64,
+    k_initial: f64,
+    k_inner: f64,
+    k_outer: f64,
+    k: f64,
+    active: bool,
+    locked: bool,
+}
+
+impl<'a> Cells<'a> {
+    fn of(record: &MapRecord<'a>) -> Self {
+        let column = |measured: &Measured, value: fn(Dilatation) -> f64| -> Vec<f64> {
+            measured.dilatations.iter().map(|&dilatation| value(dilatation)).collect()
+        };
+        let (on_boundary, locked) = boundary_flags(record.domain);
+        let mut active = vec![false; locked.len()];
+        record.active.iter().for_each(|tet| active[tet.index()] = true);
+        Self {
+            on_boundary,
+            locked,
+            active,
+            inner: column(record.measured, |dilatation| dilatation.inner),
+            outer: column(record.measured, |dilatation| dilatation.outer),
+            k: column(record.measured, Dilatation::k),
+            k_initial: column(record.measured_initial, Dilatation::k),
+        }
+    }
+
+    fn arrays<'b>(&'b self, volumes: &'b [f64]) -> [DataArray<'b>; 7] {
+        [
+            DataArray { name: "K", values: Values::Scalars(&self.k) },
+            DataArray { name: "K_inner", values: Values::Scalars(&self.inner) },
+            DataArray { name: "K_outer", values: Values::Scalars(&self.outer) },
+            DataArray { name: "K_initial", values: Values::Scalars(&self.k_initial) },
+            DataArray { name: "active", values: Values::Flags(&self.active) },
+            DataArray { name: "locked", values: Values::Flags(&self.locked) },
+            DataArray { name: "volume", values: Values::Scalars(volumes) },
+        ]
+    }
+
+    fn rows(&self, record: &MapRecord<'a>) -> impl Iterator<Item = CellRow> {
+        let volumes = record.domain.volumes();
+        let before = &record.measured_initial.dilatations;
+        (0..self.k.len()).map(move |tet| CellRow {
+            tet,
+            volume: volumes[tet],
+            k_inner_initial: before[tet].inner,
+            k_outer_initial: before[tet].outer,
+            k_initial: self.k_initial[tet],
+            k_inner: self.inner[tet],
+            k_outer: self.outer[tet],
+            k: self.k[tet],
+            active: self.active[tet],
+            locked: self.locked[tet],
+        })
+    }
+}
+
+fn write_csv(path: &Path, rows: impl Iterator<Item = impl Serialize>) -> Result<(), WriteError> {
+    write_atomically(path, |file| {
+        let mut table = csv::Writer::from_writer(file);
+        for row in rows {
+            // Unwrapped, so that a full disk is still told as one.
+            table.serialize(row).map_err(|error| match error.into_kind() {
+                csv::ErrorKind::Io(error) => error,
+                other => io::Error::other(format!("{other:?}")),
+            })?;
+        }
+        table.flush()
+    })
+}

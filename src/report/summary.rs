@@ -1,0 +1,159 @@
+//! What a person reads of a run in a terminal.
+
+use super::{BestBound, Report};
+use crate::bound::{Kind, LowerBound, Scope};
+use crate::measure::{Bottleneck, Summary};
+use crate::mesh::Place;
+use crate::optimize::StopReason;
+
+/// The width that a text is wrapped to.
+const COLUMNS: usize = 80;
+
+/// The report in words and aligned numbers, some 80 columns wide, without colour.
+pub fn summary(report: &Report) -> String {
+    let domain = &report.domain;
+    let centre = domain.centre.map(|[x, y, z]| {
+        let radius = domain.kernel_radius.map(|r| format!(", kernel radius {r:.4}")).unwrap_or_default();
+        let angle = domain.smallest_angle.map(|a| format!(", rays meet faces at {a:.2} degrees or more"));
+        format!("({x:.4}, {y:.4}, {z:.4}){radius}{}", angle.unwrap_or_default())
+    });
+    let mesh = format!(
+        "{} vertices ({} on the boundary), {} tets ({} locked), smallest dihedral angle {:.2} degrees",
+        domain.vertices, domain.boundary_vertices, domain.tets, domain.locked, domain.smallest_dihedral_angle
+    );
+    let bijective = format!("{}: {}", if report.bijective { "yes" } else { "no" }, report.bijective_reason);
+    let time = format!("{:.1} s on {} thread{}", report.times.seconds, report.times.threads, s(report.times.threads));
+    let blocks = [
+        labelled("run", &format!("{} ({})", report.name, report.config)),
+        labelled("solid", &domain.solid),
+        centre.map(|centre| labelled("centre", &centre)).unwrap_or_default(),
+        labelled("mesh", &mesh),
+        format!("\n{}\n", dilatations(&[("start", &report.initial), ("final", &report.last)])),
+        report.bottleneck.as_ref().map(|b| labelled("bottleneck", &bottleneck_in_words(b))).unwrap_or_default(),
+        labelled("bijective", &bijective),
+        labelled("stopped", &stop_in_words(report.stop, report.iterations)),
+        labelled("time", &time),
+        format!("\n{}", bounds_table(&report.bounds, report.best)),
+        report.warnings.iter().map(|warning| labelled("warning", warning)).collect(),
+    ];
+    blocks.concat()
+}
+
+/// A label and its text, wrapped between words.
+fn labelled(label: &str, text: &str) -> String {
+    const INDENT: usize = 12;
+    let mut lines = format!("{label:<INDENT$}");
+    let mut column = INDENT;
+    for (index, word) in text.split(' ').enumerate() {
+        let width = word.chars().count();
+        if index > 0 && column + 1 + width > COLUMNS {
+            lines.push_str(&format!("\n{:INDENT$}", ""));
+            column = INDENT;
+        } else if index > 0 {
+            lines.push(' ');
+            column += 1;
+        }
+        lines.push_str(word);
+        column += width;
+    }
+    lines + "\n"
+}
+
+/// A table of dilatations, one row a map.
+pub(crate) fn dilatations(maps: &[(&str, &Summary)]) -> String {
+    let mut text = format!(
+        "{:<8}{:>10}{:>10}{:>10}{:>10}{:>10}{:>10}{:>9}\n",
+        "", "max K", "mean K", "median K", "99 % K", "max K_I", "max K_O", "flipped"
+    );
+    for (name, map) in maps {
+        let numbers = [map.max_k, map.mean_k, map.p50_k, map.p99_k, map.max_k_inner, map.max_k_outer];
+        let numbers: String = numbers.into_iter().map(|x| format!("{:>10}", number(x))).collect();
+        text.push_str(&format!("{name:<8}{numbers}{:>9}\n", map.flipped));
+    }
+    text
+}
+
+/// The bounds, those that apply and the largest first, and what the best of them says.
+pub(crate) fn bounds_table(bounds: &[LowerBound], best: BestBound) -> String {
+    let mut bounds: Vec<&LowerBound> = bounds.iter().collect();
+    bounds.sort_by(|a, b| b.applies.cmp(&a.applies).then(b.value.total_cmp(&a.value)));
+    let mut text = format!("{:<18}{:>16}  {:<20}applies\n", "lower bound", "value", "for which maps");
+    for bound in bounds {
+        let kind = match bound.kind {
+            Kind::Inner => "K_I >=",
+            Kind::Outer => "K_O >=",
+            Kind::K => "K >=",
+        };
+        let applies = if bound.applies { "yes" } else { "no" };
+        let quoted = if bound.certified { "" } else { ", not proved" };
+        text.push_str(&format!(
+            "{:<18}{kind:>6}{:>10}  {:<20}{applies}{quoted}\n",
+            bound.name,
+            number(bound.value),
+            scope_in_short(bound.scope)
+        ));
+        if !bound.applies {
+            text.push_str(&labelled("", &bound.reason));
+        }
+    }
+    text + &labelled("best bound", &best_in_words(best))
+}
+
+fn best_in_words(best: BestBound) -> String {
+    match (best.best_bound, best.gap) {
+        (Some(bound), Some(gap)) => {
+            format!("K >= {}; the map is within a factor of {gap:.4} of it", number(bound))
+        }
+        (Some(bound), None) => format!("K >= {}; the map has no finite K to compare", number(bound)),
+        (None, _) => "none applies to this map, so no gap is known".into(),
+    }
+}
+
+fn scope_in_short(scope: Scope) -> &'static str {
+    match scope {
+        Scope::Shape => "all of the solid",
+        Scope::ShapeFixedTrace => "with radial trace",
+        Scope::MeshFixedBoundary => "PL on this mesh",
+    }
+}
+
+/// A dilatation in at most 9 characters.
+pub(crate) fn number(x: f64) -> String {
+    if !x.is_finite() {
+        "inf".into()
+    } else if x < 1e4 {
+        format!("{x:.4}")
+    } else {
+        format!("{x:.3e}")
+    }
+}
+
+fn s(count: usize) -> &'static str {
+    if count == 1 { "" } else { "s" }
+}
+
+fn bottleneck_in_words(bottleneck: &Bottleneck) -> String {
+    let at = |[x, y, z]: [f64; 3]| format!("({x:.4}, {y:.4}, {z:.4})");
+    let place = match &bottleneck.place {
+        Place::Vertex { vertex, position } => format!("vertex {vertex} at {}", at(*position)),
+        Place::Edge { vertices: [a, b], midpoint } => format!("the edge {a}-{b} around {}", at(*midpoint)),
+        Place::Face { vertices: [a, b, c], centroid } => format!("the face {a}-{b}-{c} around {}", at(*centroid)),
+    };
+    let cells = format!("{} active tet{}", bottleneck.active, s(bottleneck.active));
+    if bottleneck.interior {
+        format!("{cells} inside the solid, nearest to {place}")
+    } else {
+        format!("{cells} at {place}")
+    }
+}
+
+fn stop_in_words(stop: StopReason, iterations: usize) -> String {
+    let why = match stop {
+        StopReason::Converged => "converged",
+        StopReason::IterationLimit => "iteration limit reached",
+        StopReason::TimeLimit => "time limit reached",
+        StopReason::NoProgress => "no step lowered the objective",
+        StopReason::NothingFree => "no vertex is free to move",
+    };
+    format!("{why} after {iterations} iteration{}", s(iterations))
+}

@@ -1,0 +1,196 @@
+use super::*;
+use crate::bound::{Kind, Scope};
+use crate::domain::Domain;
+use crate::measure::{bottleneck, measure};
+use crate::mesh::{TetId, TetMesh, Vec3, VertexId};
+use crate::optimize::TraceRow;
+use crate::solid::StarCentre;
+
+/// A corner of a cube split at an inner vertex, whose image is moved; `flip` moves it out.
+fn domain_and_images(flip: bool) -> (Domain, Vec<Vec3>, Vec<Vec3>) {
+    let points = vec![Vec3::zeros(), Vec3::x(), Vec3::y(), Vec3::z(), Vec3::new(0.2, 0.2, 0.2)];
+    let tets = TetMesh::FACES.map(|[a, b, c]| [a as u32, b as u32, c as u32, 4].map(VertexId)).to_vec();
+    let mesh = TetMesh::from_either_orientation(points, tets).unwrap().0;
+    let domain = Domain::new(mesh).unwrap();
+    let initial = domain.mesh().points().to_vec();
+    let mut image = initial.clone();
+    image[4] = if flip { Vec3::new(-1.0, 0.1, 0.1) } else { Vec3::new(0.1, 0.3, 0.2) };
+    (domain, initial, image)
+}
+
+fn bound(value: f64, applies: bool, certified: bool) -> LowerBound {
+    let reason = "the boundary is fixed".into();
+    LowerBound {
+        name: "vertex",
+        source: "a test",
+        kind: Kind::Outer,
+        value,
+        scope: Scope::MeshFixedBoundary,
+        certified,
+        applies,
+        reason,
+        place: None,
+    }
+}
+
+fn write(flip: bool) -> (tempfile::TempDir, Report) {
+    let (domain, initial, image) = domain_and_images(flip);
+    let (before, after) = (measure(&domain, &initial), measure(&domain, &image));
+    let bounds = vec![bound(1.01, true, true), bound(7.0, false, true), bound(8.0, true, false)];
+    let centre = StarCentre { position: Vec3::repeat(0.2), kernel_radius: 0.1, smallest_angle: 0.5 };
+    let report = Report {
+        name: "case".into(),
+        version: Report::VERSION,
+        revision: Report::REVISION,
+        config: "configs/case.toml".into(),
+        config_hash: "0".into(),
+        overrides: vec!["mesh.layers=2".into()],
+        seed: 3,
+        domain: DomainFigures::of(&domain, "cube corner".into(), Some(&centre)),
+        initial: before.summary.clone(),
+        last: after.summary.clone(),
+        bijective: !flip,
+        bijective_reason: "no tet is flipped".into(),
+        active: 1,
+        bottleneck: bottleneck(&domain, &after),
+        best: BestBound::of(&bounds, after.summary.max_k),
+        bounds,
+        stop: StopReason::Converged,
+        iterations: 1,
+        warnings: vec!["this is a test".into()],
+        config_text: "[domain]\nsolid = \"cube\"".into(),
+        times: Times { threads: 2, seconds: 0.25 },
+    };
+    let row = |iteration: usize| TraceRow {
+        phase: "p=1".into(),
+        iteration,
+        objective: 0.1,
+        max_k: after.summary.max_k,
+        mean_k: 1.0,
+        step: 1.0,
+        seconds: 0.5,
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let record = MapRecord {
+        domain: &domain,
+        initial: &initial,
+        image: &image,
+        measured_initial: &before,
+        measured: &after,
+        active: &[TetId(2)],
+        trace: &[row(0), row(1)],
+    };
+    write_results(&folder.path().join("new"), &report, &record).unwrap();
+    (folder, report)
+}
+
+fn read(folder: &tempfile::TempDir, name: &str) -> String {
+    std::fs::read_to_string(folder.path().join("new").join(name)).unwrap()
+}
+
+#[test]
+fn the_report_has_the_fixed_keys_in_a_fixed_order() {
+    let (folder, report) = write(false);
+    let text = read(&folder, "report.json");
+    let json: serde_json::Value = serde_json::from_str(&text).unwrap();
+    for path in [
+        "/domain/vertices",
+        "/domain/tets",
+        "/domain/locked",
+        "/initial/max_k",
+        "/initial/mean_k",
+        "/initial/flipped",
+        "/final/max_k",
+        "/final/mean_k",
+        "/final/p99_k",
+        "/final/flipped",
+        "/bounds/0/name",
+        "/bounds/0/value",
+        "/bounds/0/scope",
+        "/bounds/0/certified",
+        "/best_bound",
+        "/gap",
+        "/bijective",
+        "/stop",
+        "/iterations",
+        "/seconds",
+        "/seed",
+        "/threads",
+        "/config",
+        "/version",
+        "/revision",
+        "/config_text",
+        "/config_hash",
+        "/bottleneck/place/kind",
+    ] {
+        assert!(json.pointer(path).is_some_and(|value| !value.is_null()), "{path} in {text}");
+    }
+    assert_eq!(json["final"]["max_k"].as_f64().unwrap().to_bits(), report.last.max_k.to_bits());
+    // What differs from run to run is together at the end, so that a comparison can cut it off.
+    let lines: Vec<&str> = text.lines().rev().take(3).collect();
+    assert!(lines[1].starts_with("  \"seconds\"") && lines[2].starts_with("  \"threads\""), "{lines:?}");
+}
+
+#[test]
+fn only_a_proved_bound_that_applies_makes_a_gap() {
+    let bounds = [bound(1.5, true, true), bound(1.2, true, true), bound(7.0, false, true), bound(8.0, true, false)];
+    assert_eq!(BestBound::of(&bounds, 3.0), BestBound { best_bound: Some(1.5), gap: Some(2.0) });
+    assert_eq!(BestBound::of(&bounds, f64::INFINITY), BestBound { best_bound: Some(1.5), gap: None });
+    assert_eq!(BestBound::of(&bounds[2..], 3.0), BestBound { best_bound: None, gap: None });
+}
+
+#[test]
+fn infinities_are_null_in_json_and_inf_in_tables() {
+    let (folder, report) = write(true);
+    let json: serde_json::Value = serde_json::from_str(&read(&folder, "report.json")).unwrap();
+    assert!(json["final"]["max_k"].is_null() && json["gap"].is_null());
+    assert!(json["final"]["flipped"].as_u64().unwrap() > 0);
+    assert!(read(&folder, "cells.csv").contains(",inf,"));
+    assert!(read(&folder, "trace.csv").contains(",inf,"));
+    assert!(summary(&report).contains("inf"));
+}
+
+#[test]
+fn tables_have_a_row_an_entry() {
+    let (folder, report) = write(false);
+    let trace = read(&folder, "trace.csv");
+    assert_eq!(trace.lines().next(), Some("phase,iteration,objective,max_k,mean_k,step,seconds"));
+    assert_eq!(trace.lines().count(), 3);
+    let cells = read(&folder, "cells.csv");
+    let mut table = csv::Reader::from_reader(cells.as_bytes());
+    let headers: Vec<String> = table.headers().unwrap().iter().map(str::to_string).collect();
+    assert_eq!(
+        headers.join(" "),
+        "tet volume k_inner_initial k_outer_initial k_initial k_inner k_outer k active locked"
+    );
+    let rows: Vec<csv::StringRecord> = table.records().map(Result::unwrap).collect();
+    assert_eq!(rows.len(), 4);
+    let largest = rows.iter().map(|row| row[7].parse::<f64>().unwrap()).fold(0.0, f64::max);
+    assert_eq!(largest, report.last.max_k);
+    let active: Vec<&str> = rows.iter().map(|row| &row[8]).collect();
+    assert_eq!(active, ["false", "false", "true", "false"]);
+    for name in ["domain.vtu", "image.vtu"] {
+        assert!(read(&folder, name).contains("Name=\"K_initial\""));
+    }
+}
+
+#[test]
+fn the_summary_is_narrow_and_says_it_all() {
+    let text = summary(&write(false).1);
+    for words in [
+        "cube corner",
+        "5 vertices (4 on the boundary), 4 tets (0 locked),",
+        "bottleneck",
+        "yes: no tet is",
+        "converged after 1 iteration\n",
+        "0.2 s on 2 threads",
+        "K_O >=",
+        "PL on this mesh",
+        "K >= 1.0100",
+        "this is a test",
+    ] {
+        assert!(text.contains(words), "{words} in\n{text}");
+    }
+    let widest = text.lines().map(|line| line.chars().count()).max().unwrap();
+    assert!(widest <= 80, "{widest} columns:\n{text}");
+}
