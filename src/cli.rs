@@ -2,6 +2,7 @@
 
 mod measure;
 mod output;
+mod progress;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -10,8 +11,11 @@ use clap::{Args, CommandFactory, Parser, Subcommand};
 use clap_complete::Shell;
 
 use crate::config::{ConfigError, Plan, schema};
+use crate::experiment::{self, RunError};
 use crate::mesh::io::{ReadError, WriteError, check_folder_is_writable};
+use crate::report::{summary, write_results};
 use output::{print, show_error};
+use progress::Progress;
 
 /// Ball parameterizations of star-shaped solids with low quasi-conformal dilatation.
 #[derive(Debug, Parser)]
@@ -74,6 +78,8 @@ pub(crate) enum Failure {
     #[error(transparent)]
     Config(#[from] ConfigError),
     #[error(transparent)]
+    Run(#[from] RunError),
+    #[error(transparent)]
     Read(#[from] ReadError),
     #[error(transparent)]
     Write(#[from] WriteError),
@@ -121,5 +127,15 @@ fn run(arguments: &RunArguments) -> Result<Ending, Failure> {
     let folder = arguments.out.clone().unwrap_or_else(|| PathBuf::from("results").join(&plan.name));
     // Before hours of work, not after.
     check_folder_is_writable(&folder)?;
-    Ok(Ending::Unfulfilled)
+    let progress = Progress::new(arguments.quiet);
+    let finished = experiment::run(&plan, &mut |row| progress.show(row));
+    progress.finish();
+    let finished = finished?;
+    write_results(&folder, &finished.report, &finished.record())?;
+    if arguments.json {
+        print(&finished.report.to_json())?;
+    } else if !arguments.quiet {
+        print(&format!("{}results     {}\n", summary(&finished.report), folder.display()))?;
+    }
+    Ok(if finished.report.bijective { Ending::Done } else { Ending::Unfulfilled })
 }

@@ -1,5 +1,4 @@
 //! Low-dilatation parameterizations of solids onto the unit ball.
-#![allow(missing_docs)]
 
 pub mod linalg;
 
@@ -24,6 +23,8 @@ pub mod bound;
 pub mod config;
 
 pub mod report;
+
+pub mod experiment;
 
 pub mod cli;
 

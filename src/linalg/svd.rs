@@ -109,8 +109,8 @@ mod tests {
             let rebuilt = d.left * Mat3::from_diagonal(&Vec3::from(d.values)) * d.right.transpose();
             prop_assert!((rebuilt - a).norm() <= 1e-14 * scale);
             prop_assert!(d.values[0] >= d.values[1] && d.values[1] >= d.values[2].abs());
-            for i in 0..3 {
-                prop_assert!((d.values[i] - s[i]).abs() <= 1e-14 * scale);
+            for (got, want) in d.values.iter().zip(s) {
+                prop_assert!((got - want).abs() <= 1e-14 * scale);
             }
             for rotation in [d.left, d.right] {
                 prop_assert!((rotation.transpose() * rotation - Mat3::identity()).norm() <= 1e-14);

@@ -50,6 +50,7 @@ pub(super) fn barrier_phase(
     let mut weight = -first;
     // Of a tet's six factors t - 3 l_i and t + 3 l_i at most two can be active together, and few tets are.
     let last_weight = 2.0 * assembly.domain().mesh().tets().len() as f64 / tolerance;
+    let (first_weight, share) = (weight, recorder.progress);
     // 1 for the true Hessian; less, down to 0, where it is indefinite.
     let mut negative = 1.0;
     loop {
@@ -65,6 +66,8 @@ pub(super) fn barrier_phase(
                 // The path is nearly linear in 1 / weight near its end.
                 follow(assembly, image, &mut bound, &step, weight * (1.0 - weight / next));
                 weight = next;
+                recorder.progress =
+                    1.0 - (1.0 - share) * (last_weight / weight).ln() / (last_weight / first_weight).ln();
                 break;
             }
             let Some((length, trial, trial_bound)) = line_search(assembly, image, bound, weight, &step) else {
@@ -134,10 +137,10 @@ fn line_search(
     for _ in 0..HALVINGS {
         let trial = moved(assembly, image, &step.direction, length);
         let trial_bound = bound + length * step.bound_direction;
-        if let Some(value) = assembly.value(&Barrier { bound: trial_bound }, &trial) {
-            if value + weight * trial_bound <= total + ARMIJO * length * step.slope {
-                return Some((length, trial, trial_bound));
-            }
+        if let Some(value) = assembly.value(&Barrier { bound: trial_bound }, &trial)
+            && value + weight * trial_bound <= total + ARMIJO * length * step.slope
+        {
+            return Some((length, trial, trial_bound));
         }
         length *= 0.5;
     }

@@ -26,6 +26,10 @@ pub use untangle::{Untangled, flipped_tets, untangle};
 const EXPONENTS: [f64; 7] = [1.0, 4.0, 16.0, 48.0, 128.0, 384.0, 1024.0];
 /// The exponents up to here come before the barrier; higher ones only push up the mean that the barrier lowers again.
 const LAST_BEFORE_BARRIER: f64 = 384.0;
+/// Share of the time up to the barrier on the meshes of 10,000 tets tried: 0.1 to 0.4.
+const SHARE_BEFORE_BARRIER: f64 = 0.2;
+/// Share of the time up to the last phase of a soft maximum; a rough guess is all a progress bar needs.
+const SHARE_BEFORE_LAST_PHASE: f64 = 0.7;
 /// Fall in ln K of a step which ends all but the last phase: 2e-4 was found enough, ending earlier costs more than it
 /// saves (design.md §5.4).
 const PHASE_TOLERANCE: f64 = 2e-4;
@@ -117,6 +121,8 @@ pub struct TraceRow {
     pub mean_k: f64,
     /// Accepted step length along the search direction.
     pub step: f64,
+    /// Estimated share of the run that is done, in [0, 1], by its phases.
+    pub progress: f64,
     /// Seconds since the start.
     pub seconds: f64,
 }
@@ -186,13 +192,19 @@ fn continuation(
         Objective::Max => LAST_BEFORE_BARRIER,
         Objective::SoftMax(exponent) => exponent,
     };
+    let share = match settings.objective {
+        Objective::Max => SHARE_BEFORE_BARRIER,
+        Objective::SoftMax(_) => SHARE_BEFORE_LAST_PHASE,
+    };
     let before = EXPONENTS.into_iter().filter(|&p| p < last || settings.objective == Objective::Max && p == last);
-    for exponent in before {
+    for (index, exponent) in before.clone().enumerate() {
+        recorder.progress = share * index as f64 / before.clone().count() as f64;
         // A phase that makes no progress is no reason to end: the next one has another objective.
         if phase(assembly, image, exponent, PHASE_TOLERANCE, recorder) == PhaseEnd::Interrupted {
             return PhaseEnd::Interrupted;
         }
     }
+    recorder.progress = share;
     match settings.objective {
         Objective::Max => barrier::barrier_phase(assembly, image, settings.tolerance, recorder),
         Objective::SoftMax(exponent) => phase(assembly, image, exponent, settings.tolerance, recorder),
@@ -216,6 +228,8 @@ struct Recorder<'a> {
     rows: Vec<TraceRow>,
     best: Vec<Vec3>,
     best_k: f64,
+    /// See [`TraceRow::progress`]; set by the phases.
+    progress: f64,
 }
 
 impl<'a> Recorder<'a> {
@@ -234,6 +248,7 @@ impl<'a> Recorder<'a> {
             rows: Vec::new(),
             best: image.to_vec(),
             best_k: f64::INFINITY,
+            progress: 0.0,
         };
         recorder.record("start", f64::INFINITY, 0.0, image);
         recorder
@@ -259,6 +274,7 @@ impl<'a> Recorder<'a> {
             max_k,
             mean_k: dilatations.iter().sum::<f64>() / dilatations.len() as f64,
             step,
+            progress: self.progress,
             seconds: self.start.elapsed().as_secs_f64(),
         };
         (self.observe)(&row);

@@ -97,10 +97,10 @@ pub(super) fn line_search<E: TetEnergy>(
     let mut step = longest;
     for _ in 0..HALVINGS {
         let trial = moved(assembly, image, direction, step);
-        if let Some(value) = assembly.value(energy, &trial) {
-            if accept(value, step) {
-                return Some((step, value, trial));
-            }
+        if let Some(value) = assembly.value(energy, &trial)
+            && accept(value, step)
+        {
+            return Some((step, value, trial));
         }
         step *= 0.5;
     }

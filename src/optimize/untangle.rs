@@ -81,6 +81,7 @@ pub fn untangle(
                 max_k: if flipped.is_empty() { f64::NAN } else { f64::INFINITY },
                 mean_k: f64::INFINITY,
                 step,
+                progress: 0.0,
                 seconds: clock.elapsed().as_secs_f64(),
             });
             if flipped.len() < best.resisting.len() {

@@ -122,6 +122,29 @@ pub enum Solid {
     },
 }
 
+impl std::fmt::Display for Solid {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Tetrahedron => f.write_str("tetrahedron"),
+            Self::Cube => f.write_str("cube"),
+            Self::Octahedron => f.write_str("octahedron"),
+            Self::Dodecahedron => f.write_str("dodecahedron"),
+            Self::Icosahedron => f.write_str("icosahedron"),
+            Self::Box { size: [x, y, z] } => write!(f, "box {x} x {y} x {z}"),
+            Self::Prism { sides, height } => write!(f, "prism with {sides} sides, height {height}"),
+            Self::Pyramid { sides, height } => write!(f, "pyramid with {sides} sides, height {height}"),
+            Self::Bipyramid { sides, height } => write!(f, "bipyramid with {sides} sides, heights {height}"),
+            Self::Ball { radius, .. } => write!(f, "ball of radius {radius}"),
+            Self::Ellipsoid { radii: [x, y, z], .. } => write!(f, "ellipsoid with semi-axes {x}, {y}, {z}"),
+            Self::Torus { major_radius, minor_radius, .. } => {
+                write!(f, "torus with radii {major_radius} and {minor_radius}")
+            }
+            Self::SmoothStar { seed, .. } => write!(f, "smooth random star shape, seed {seed}"),
+            Self::PolyhedralStar { seed, .. } => write!(f, "random star-shaped polyhedron, seed {seed}"),
+        }
+    }
+}
+
 impl Solid {
     /// The solid's surface.
     ///
