@@ -4,7 +4,7 @@ mod figures;
 mod results;
 mod summary;
 
-pub use figures::{BestBound, DomainFigures};
+pub use figures::{BestBound, DomainFigures, Splits, UntanglingFigures};
 pub use results::{MapRecord, write_results};
 pub use summary::summary;
 pub(crate) use summary::{bounds_table, dilatations};
@@ -37,8 +37,12 @@ pub struct Report {
     pub seed: u64,
     /// The domain.
     pub domain: DomainFigures,
+    /// The splits that freed locked tets of a given mesh; `null` if there were none.
+    pub splits: Option<Splits>,
     /// The map started from, measured.
     pub initial: Summary,
+    /// How flipped tets of that map were untangled; `null` if there were none.
+    pub untangling: Option<UntanglingFigures>,
     /// The map arrived at, measured from its positions alone.
     #[serde(rename = "final")]
     pub last: Summary,

@@ -1,6 +1,6 @@
 //! What a person reads of a run in a terminal.
 
-use super::{BestBound, Report};
+use super::{BestBound, Report, UntanglingFigures};
 use crate::bound::{Kind, LowerBound, Scope};
 use crate::measure::{Bottleneck, Summary};
 use crate::mesh::Place;
@@ -28,7 +28,9 @@ pub fn summary(report: &Report) -> String {
         labelled("solid", &domain.solid),
         centre.map(|centre| labelled("centre", &centre)).unwrap_or_default(),
         labelled("mesh", &mesh),
+        domain_splits(report),
         format!("\n{}\n", dilatations(&[("start", &report.initial), ("final", &report.last)])),
+        report.untangling.as_ref().map(|u| labelled("untangled", &untangling_in_words(u))).unwrap_or_default(),
         report.bottleneck.as_ref().map(|b| labelled("bottleneck", &bottleneck_in_words(b))).unwrap_or_default(),
         labelled("bijective", &bijective),
         labelled("stopped", &stop_in_words(report.stop, report.iterations)),
@@ -37,6 +39,33 @@ pub fn summary(report: &Report) -> String {
         report.warnings.iter().map(|warning| labelled("warning", warning)).collect(),
     ];
     blocks.concat()
+}
+
+fn domain_splits(report: &Report) -> String {
+    let Some(splits) = report.splits else { return String::new() };
+    let text = format!(
+        "{} interior edges and {} interior faces between boundary vertices were split, so that no tet is locked; the mesh \
+         had {} tets (--keep-mesh leaves it as it is)",
+        splits.edges, splits.faces, splits.tets_before
+    );
+    labelled("", &text)
+}
+
+fn untangling_in_words(untangling: &UntanglingFigures) -> String {
+    let steps = format!("{} flipped at the start, {} steps", untangling.flipped_before, untangling.iterations);
+    if untangling.resisting.is_empty() {
+        return steps;
+    }
+    let list = |ids: Vec<u32>| {
+        let more = if ids.len() > 8 { ", ..." } else { "" };
+        ids.iter().take(8).map(u32::to_string).collect::<Vec<_>>().join(", ") + more
+    };
+    format!(
+        "{steps}; {} tets resist: {} (common vertices: {}); refine the mesh there, or move the star centre",
+        untangling.resisting.len(),
+        list(untangling.resisting.iter().map(|t| t.0).collect()),
+        list(untangling.common_vertices.iter().map(|v| v.0).collect())
+    )
 }
 
 /// A label and its text, wrapped between words.
@@ -154,6 +183,7 @@ fn stop_in_words(stop: StopReason, iterations: usize) -> String {
         StopReason::TimeLimit => "time limit reached",
         StopReason::NoProgress => "no step lowered the objective",
         StopReason::NothingFree => "no vertex is free to move",
+        StopReason::StillFlipped => "tets of the start resisted untangling; nothing was optimized",
     };
     format!("{why} after {iterations} iteration{}", s(iterations))
 }
