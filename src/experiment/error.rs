@@ -78,7 +78,7 @@ pub enum Fault {
 
 impl RunError {
     /// Names the solid or file a fault was found in.
-    pub(super) fn at<F: Into<Fault>>(origin: &str) -> impl Fn(F) -> Self {
+    pub(crate) fn at<F: Into<Fault>>(origin: &str) -> impl Fn(F) -> Self {
         move |fault| Self::Fault { origin: origin.to_string(), fault: fault.into() }
     }
 }

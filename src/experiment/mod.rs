@@ -1,6 +1,7 @@
 //! One run from plan to report: a call for each stage.
 
 mod error;
+mod optimize_map;
 mod start;
 
 use std::time::Instant;
@@ -15,6 +16,7 @@ use crate::optimize::{OptimizeSettings, Outcome, TraceRow, Untangled, optimize, 
 use crate::report::{BestBound, DomainFigures, MapRecord, Report, Times, UntanglingFigures};
 
 pub use error::{Fault, RunError};
+pub use optimize_map::{GivenMap, OptimizedMap, optimize_map, read_locks};
 use start::Start;
 
 /// Relative distance below the largest K within which a tet counts as active.
@@ -59,11 +61,17 @@ impl Finished {
 /// # Errors
 /// What is wrong with the input, before any optimisation; how an optimisation ends is data in the report.
 pub fn run(plan: &Plan, observe: &mut (dyn FnMut(&TraceRow) + Send)) -> Result<Finished, RunError> {
-    // Zero asks rayon for all cores.
-    let threads = plan.threads.unwrap_or(0);
+    on_threads(plan.threads.unwrap_or(0), || stages(plan, observe))?
+}
+
+/// Does a job on a pool of that many threads; 0 for all cores.
+///
+/// # Errors
+/// [`RunError::Threads`].
+pub fn on_threads<T: Send>(threads: usize, job: impl FnOnce() -> T + Send) -> Result<T, RunError> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = pool.map_err(|error| RunError::Threads { threads, message: error.to_string() })?;
-    pool.install(|| stages(plan, observe))
+    Ok(pool.install(job))
 }
 
 fn stages(plan: &Plan, observe: &mut dyn FnMut(&TraceRow)) -> Result<Finished, RunError> {

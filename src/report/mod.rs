@@ -1,13 +1,15 @@
 //! The record of a run, and the files and the summary that are views of it.
 
 mod figures;
+mod map_report;
 mod results;
 mod summary;
 
 pub use figures::{BestBound, DomainFigures, Splits, UntanglingFigures};
+pub use map_report::MapReport;
 pub use results::{MapRecord, write_results};
-pub use summary::summary;
 pub(crate) use summary::{bounds_table, dilatations};
+pub use summary::{map_summary, summary};
 
 use serde::Serialize;
 
