@@ -57,9 +57,9 @@
 //! config.toml -> Plan                     refuse early; name the file, the line and the key
 //!             -> Surface                  generate a Solid or read a file; checked to be closed and orientable
 //!             -> StarCentre               a point of the kernel; proved to see every triangle
-//!             -> ShellMesh                layers of tets in the cones over the surface triangles
+//!             -> ShellMesh                layers of tets in the cones over the surface triangles; or a mesh is given
 //!             -> Domain                   a topological ball, with reference gradients, volumes and boundary
-//!             -> initial positions        Caraman's radial map
+//!             -> initial positions        Caraman's radial map, untangled if a given mesh makes that necessary
 //!             -> Outcome                  optimised positions, stop reason, a row for each iteration
 //!             -> Measured, Bijectivity    from the final positions alone
 //!             -> LowerBounds              from the domain and the boundary positions alone
@@ -129,8 +129,8 @@
 //! f(x) = u(x)^a zeta(x) / |zeta(x)|        zeta(x): the boundary point on the ray of x,  u(x) = |x| / |zeta(x)|
 //! ```
 //!
-//! is linear for a = 1, so that no tet of the start is flipped and K is constant in each cone. For other meshes the start
-//! may have flipped tets: [`mesh::full_boundary`] frees the locked ones and [`optimize::untangle()`] moves the vertices
+//! is linear for a = 1, so that no tet of the start is flipped and K is constant in each cone. For given meshes the
+//! start may have flipped tets: [`mesh::full_boundary`] frees the locked ones and [`optimize::untangle()`] moves the vertices
 //! until every image volume is positive, or says which tets resist.
 //!
 //! # Optimizing
@@ -234,7 +234,7 @@
 //! | [`bound`] | lower bounds, a theorem a file |
 //! | [`config`] | the config as typed and the plan it means |
 //! | [`report`] | the record of a run, its files and its summary |
-//! | [`experiment`] | one run from plan to report |
+//! | [`experiment`] | one run from plan to report; the optimisation of a given map |
 //! | [`cli`] | the command line |
 //!
 //! The paper all this starts from is Naitsat, Saucan and Zeevi, *Volumetric Quasi-conformal Mappings*, GRAPP 2015,
