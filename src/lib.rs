@@ -222,9 +222,9 @@
 //!
 //! | module | what it holds |
 //! |---|---|
-//! | [`mesh`] | points and ids, tet meshes and soups, topology, sharp features, full boundary; `io`: a format a file |
 //! | [`linalg`] | the signed 3x3 singular value decomposition; the sparse positive definite solve |
 //! | [`dilatation`] | K_I, K_O and K of one Jacobian |
+//! | [`mesh`] | ids, tet meshes and soups, topology, sharp features, full boundary; `io`: a format a file |
 //! | [`solid`] | built-in solids, closed surfaces, star kernel and centre, the shell mesher |
 //! | [`domain`] | a mesh that is a ball, with reference gradients and volumes |
 //! | [`map`] | the radial map; whether a map is bijective |
@@ -240,11 +240,11 @@
 //! The paper all this starts from is Naitsat, Saucan and Zeevi, *Volumetric Quasi-conformal Mappings*, GRAPP 2015,
 //! doi 10.5220/0005298900460057; "paper eq. N" in these pages is an equation of it.
 
-pub mod mesh;
-
 pub mod linalg;
 
 pub mod dilatation;
+
+pub mod mesh;
 
 pub mod solid;
 
