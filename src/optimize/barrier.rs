@@ -19,7 +19,7 @@ const WEIGHT_RATIO: f64 = 1.0 / 0.3;
 const CENTRED: f64 = 0.15;
 /// Most Newton steps a stage: where the projected Hessian is far from the true one a stage converges slowly, and the
 /// next one gains more.
-const STAGE_STEPS: usize = 15;
+const STAGE_STEPS: usize = 60;
 /// Distance (in ln K) of the first bound above the present max K.
 const FIRST_SLACK: f64 = 0.0005;
 
