@@ -25,7 +25,7 @@ fn measured_k_converges_to_the_closed_form_with_order_one() {
     for (solid, printed) in table() {
         let surface = solid.surface().unwrap();
         let centre = surface.centroid();
-        let exact = radial_max_dilatation(&surface, &centre);
+        let exact = radial_max_dilatation(&surface, &centre, 1.0);
         // Four decimals are printed, the last one rounded.
         assert!((exact - printed).abs() <= 5.5e-4, "{solid:?}: {exact} against the table's {printed}");
         let errors: Vec<f64> = [8, 16, 32]

@@ -27,7 +27,7 @@ fn the_gem_is_a_star_shaped_non_convex_polyhedron() {
 
     for choice in [CentreChoice::Kernel, CentreChoice::Centroid, CentreChoice::At(Vec3::zeros())] {
         let centre = star_centre(&gem, &choice).unwrap();
-        assert!(centre.smallest_angle > 0.1 && radial_max_dilatation(&gem, &centre.position).is_finite());
+        assert!(centre.smallest_angle > 0.1 && radial_max_dilatation(&gem, &centre.position, 1.0).is_finite());
     }
     assert!(star_centre(&gem, &CentreChoice::At(Vec3::new(1.2, 0.0, 0.0))).is_err());
 }

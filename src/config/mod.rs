@@ -156,12 +156,30 @@ pub enum MeshKind {
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct MapTable {
-    /// The map to start from. Default: "radial", Caraman's.
+    /// The map to start from. Default: "radial", Caraman's. "farthest" takes the farthest boundary point on each ray, for
+    /// given meshes of solids that are not star-shaped about the centre: a map into a part of the ball.
     pub kind: MapKind,
-    /// Exponent a > 0 of the radial map: the point at the fraction t of the way to the surface goes to radius t^a.
-    /// Default: 1.
-    #[schemars(extend("exclusiveMinimum" = 0))]
-    pub exponent: Option<f64>,
+    /// Exponent a > 0 of the radial map: the point at the fraction t of the way to the surface goes to radius t^a; or
+    /// "optimize", the exponent with the least K. Default: 1.
+    pub exponent: Option<ExponentValue>,
+}
+
+/// The value of `map.exponent`.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(untagged, expecting = "the exponent is a positive number or \"optimize\"")]
+pub enum ExponentValue {
+    /// A rule.
+    Named(ExponentName),
+    /// A number > 0.
+    Given(f64),
+}
+
+/// A rule that finds the exponent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum ExponentName {
+    /// The exponent for which the radial map about the star centre has the least K.
+    Optimize,
 }
 
 /// A map to start from.
@@ -171,6 +189,8 @@ pub enum MapKind {
     /// Caraman's radial map.
     #[default]
     Radial,
+    /// Its extension to solids that are not star-shaped: each ray up to the farthest boundary point.
+    Farthest,
 }
 
 /// The table `[optimize]`.

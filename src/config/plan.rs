@@ -6,7 +6,8 @@ use std::time::Duration;
 use super::error::{ConfigError, EXAMPLE, Fault};
 use super::limits::{positive, whole};
 use super::{
-    CentreName, CentreValue, Config, ConfigSource, EngineName, MapKind, MeshKind, MeshTable, ObjectiveName, solid,
+    CentreName, CentreValue, Config, ConfigSource, EngineName, ExponentName, ExponentValue, MapKind, MeshKind,
+    MeshTable, ObjectiveName, solid,
 };
 use crate::mesh::Vec3;
 use crate::mesh::io::holds_a_surface;
@@ -51,12 +52,11 @@ pub enum DomainSource {
 
 /// The map to start from.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum InitialMap {
-    /// Caraman's radial map, with radii t^exponent.
-    Radial {
-        /// > 0; 1 maps rays linearly.
-        exponent: f64,
-    },
+pub struct InitialMap {
+    /// Radial or its extension.
+    pub kind: MapKind,
+    /// Exponent a > 0, 1 maps rays linearly; `None` for the best one.
+    pub exponent: Option<f64>,
 }
 
 impl Plan {
@@ -79,11 +79,7 @@ impl Plan {
             keep_mesh: config.domain.keep_mesh,
             centre: centre(config)?,
             mesh: mesh(&config.mesh)?,
-            map: match config.map.kind {
-                MapKind::Radial => {
-                    InitialMap::Radial { exponent: positive(config.map.exponent, 1.0, &["map", "exponent"])? }
-                }
-            },
+            map: map(config)?,
             optimize: optimize(config)?,
         })
     }
@@ -137,6 +133,32 @@ fn domain(config_path: &Path, config: &Config) -> Result<DomainSource, Fault> {
         return Err(Fault::at(&["domain", "keep_mesh"], message, "remove the key, or give a mesh as domain.file"));
     }
     Ok(source)
+}
+
+fn map(config: &Config) -> Result<InitialMap, Fault> {
+    let exponent = match config.map.exponent {
+        None => Some(1.0),
+        Some(ExponentValue::Named(ExponentName::Optimize)) => None,
+        Some(ExponentValue::Given(exponent)) => Some(positive(Some(exponent), 1.0, &["map", "exponent"])?),
+    };
+    let kind = config.map.kind;
+    if kind == MapKind::Farthest {
+        let is_mesh = config.domain.file.as_ref().is_some_and(|file| !holds_a_surface(Path::new(file)));
+        if !is_mesh {
+            let message = "the map \"farthest\" needs a mesh: shells are for star-shaped solids".to_string();
+            return Err(Fault::at(&["map", "kind"], message, "give a mesh as domain.file, or use kind = \"radial\""));
+        }
+        if !matches!(centre(config)?, CentreChoice::Centroid | CentreChoice::BoundingBox | CentreChoice::At(_)) {
+            let message = "the map \"farthest\" is for solids without a star centre".to_string();
+            let help = "set domain.centre to \"centroid\", \"bbox\" or a point [x, y, z]";
+            return Err(Fault::at(&["map", "kind"], message, help));
+        }
+        if exponent.is_none() {
+            let message = "the best exponent is known for the map \"radial\" only".to_string();
+            return Err(Fault::at(&["map", "exponent"], message, "give a number"));
+        }
+    }
+    Ok(InitialMap { kind, exponent })
 }
 
 fn centre(config: &Config) -> Result<CentreChoice, Fault> {

@@ -29,7 +29,7 @@ fn the_least_config_has_the_documented_defaults() {
     assert_eq!((plan.seed, plan.threads), (0, None));
     assert_eq!((plan.domain, plan.centre), (DomainSource::Solid(Solid::Cube), CentreChoice::Kernel));
     assert_eq!(plan.mesh, ShellSettings { subdivisions: 1, refinement: None, layers: 8, grading: 1.0 });
-    assert_eq!(plan.map, InitialMap::Radial { exponent: 1.0 });
+    assert_eq!(plan.map, InitialMap { kind: MapKind::Radial, exponent: Some(1.0) });
     assert_eq!(plan.optimize, OptimizeSettings::default());
 }
 
@@ -47,7 +47,7 @@ fn every_key_arrives() {
         plan.mesh,
         ShellSettings { subdivisions: 2, refinement: Some(Refinement::Cells(1000)), layers: 3, grading: 1.5 }
     );
-    assert_eq!(plan.map, InitialMap::Radial { exponent: 2.0 });
+    assert_eq!(plan.map, InitialMap { kind: MapKind::Radial, exponent: Some(2.0) });
     let expected = OptimizeSettings {
         objective: Objective::SoftMax(16.0),
         engine: Engine::Lbfgs,

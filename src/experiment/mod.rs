@@ -7,7 +7,7 @@ mod start;
 use std::time::Instant;
 
 use crate::bound;
-use crate::config::{InitialMap, Plan};
+use crate::config::Plan;
 use crate::domain::Domain;
 use crate::map::{bijectivity, caraman};
 use crate::measure::{Measured, bottleneck, measure};
@@ -76,8 +76,7 @@ pub fn on_threads<T: Send>(threads: usize, job: impl FnOnce() -> T + Send) -> Re
 
 fn stages(plan: &Plan, observe: &mut dyn FnMut(&TraceRow)) -> Result<Finished, RunError> {
     let clock = Instant::now();
-    let Start { origin, domain, centre, coordinates, splits, warnings } = Start::of(plan)?;
-    let InitialMap::Radial { exponent } = plan.map;
+    let Start { origin, domain, centre, exponent, smooth_k, coordinates, splits, warnings } = Start::of(plan)?;
     let initial = caraman(&coordinates, exponent);
     let measured_initial = measure(&domain, &initial);
     let fixed = domain.boundary().vertex_mask();
@@ -85,7 +84,7 @@ fn stages(plan: &Plan, observe: &mut dyn FnMut(&TraceRow)) -> Result<Finished, R
         untangle_and_optimize(&domain, &initial, fixed, &plan.optimize, observe).map_err(RunError::at(&origin))?;
     let measured = measure(&domain, &outcome.positions);
     let active = measured.active(ACTIVE);
-    let bounds = bound::all(&domain, &outcome.positions, Some(centre.position), true);
+    let bounds = bound::all(&domain, &outcome.positions, centre.map(|c| c.position), centre.is_some());
     let bijectivity = bijectivity(&domain, &outcome.positions);
     let report = Report {
         name: plan.name.clone(),
@@ -95,8 +94,10 @@ fn stages(plan: &Plan, observe: &mut dyn FnMut(&TraceRow)) -> Result<Finished, R
         config_hash: plan.source.hash().to_string(),
         overrides: plan.source.overrides().map(String::from).collect(),
         seed: plan.seed,
-        domain: DomainFigures::of(&domain, origin, Some(&centre)),
+        domain: DomainFigures::of(&domain, origin, centre.as_ref()),
         splits,
+        radial_exponent: exponent,
+        radial_smooth_k: smooth_k,
         initial: measured_initial.summary.clone(),
         untangling: UntanglingFigures::of(&domain, measured_initial.summary.flipped, &untangled),
         last: measured.summary.clone(),

@@ -3,20 +3,24 @@
 use std::path::Path;
 
 use super::error::{Fault, RunError};
-use crate::config::{DomainSource, Plan};
+use crate::config::{DomainSource, MapKind, Plan};
 use crate::domain::Domain;
-use crate::map::{RadialCoordinates, by_ray_casting};
+use crate::map::{RadialCoordinates, RayEnd, by_ray_casting};
 use crate::mesh::io::{read_surface, read_tets};
 use crate::mesh::{PolygonSoup, TetMesh, Vec3, VertexId, full_boundary};
 use crate::report::Splits;
-use crate::solid::{StarCentre, Surface, shell_mesh, star_centre};
+use crate::solid::{StarCentre, Surface, best_radial_exponent, radial_max_dilatation, shell_mesh, star_centre};
 
 /// A domain, its star centre and where its vertices lie on the rays from there.
 pub(super) struct Start {
     /// The solid or its file, in words.
     pub origin: String,
     pub domain: Domain,
-    pub centre: StarCentre,
+    /// The star centre; `None` for the map "farthest".
+    pub centre: Option<StarCentre>,
+    pub exponent: f64,
+    /// Largest K of the smooth radial map, if there is a star centre.
+    pub smooth_k: Option<f64>,
     pub coordinates: Vec<RadialCoordinates>,
     /// The splits that freed locked tets, if the mesh was given and needed any.
     pub splits: Option<Splits>,
@@ -45,7 +49,9 @@ impl Start {
         if surface.was_inside_out() {
             warnings.push("the surface was inside out; all its triangles were reversed".into());
         }
-        Ok(Self { origin, domain, centre, coordinates, splits: None, warnings })
+        let (exponent, smooth_k) = exponent(plan, &surface, &centre);
+        let smooth_k = Some(smooth_k);
+        Ok(Self { origin, domain, centre: Some(centre), exponent, smooth_k, coordinates, splits: None, warnings })
     }
 
     fn of_mesh(path: &Path, plan: &Plan) -> Result<Self, RunError> {
@@ -63,11 +69,38 @@ impl Start {
         let (domain, splits) = freed(Domain::new(mesh).map_err(RunError::at(&origin))?, plan.keep_mesh)
             .map_err(|fault| RunError::Fault { origin: origin.clone(), fault })?;
         let surface = boundary_surface(&domain).map_err(RunError::at(&origin))?;
-        let centre = star_centre(&surface, &plan.centre).map_err(RunError::at(&origin))?;
-        let coordinates = radial_coordinates(&domain, &surface, centre.position)
-            .map_err(|fault| RunError::Fault { origin: origin.clone(), fault })?;
-        Ok(Self { origin, domain, centre, coordinates, splits, warnings })
+        let fault = |fault| RunError::Fault { origin: origin.clone(), fault };
+        // The plan allows "farthest" only with a rule that names a point for any solid.
+        let (position, centre, end) = match (plan.map.kind, plan.centre.point(&surface)) {
+            (MapKind::Farthest, Some(point)) => (point, None, RayEnd::Farthest),
+            _ => {
+                let centre = star_centre(&surface, &plan.centre).map_err(RunError::at(&origin))?;
+                (centre.position, Some(centre), RayEnd::Only)
+            }
+        };
+        if end == RayEnd::Farthest {
+            warnings.push(
+                "each ray ends at its farthest boundary point: the image is a part of the ball, and only the orientation of \
+                 the tets is known of it, so that it may overlap itself"
+                    .into(),
+            );
+        }
+        let coordinates = radial_coordinates(&domain, &surface, position, end).map_err(fault)?;
+        let (exponent, smooth_k) = match &centre {
+            Some(centre) => {
+                let (exponent, smooth_k) = exponent(plan, &surface, centre);
+                (exponent, Some(smooth_k))
+            }
+            None => (plan.map.exponent.unwrap_or(1.0), None),
+        };
+        Ok(Self { origin, domain, centre, exponent, smooth_k, coordinates, splits, warnings })
     }
+}
+
+/// The exponent of the plan, or the best one, and the largest K of the smooth radial map with it.
+fn exponent(plan: &Plan, surface: &Surface, centre: &StarCentre) -> (f64, f64) {
+    let exponent = plan.map.exponent.unwrap_or_else(|| best_radial_exponent(surface, &centre.position));
+    (exponent, radial_max_dilatation(surface, &centre.position, exponent))
 }
 
 /// The domain with its boundary made a full subcomplex, unless the mesh is to be kept.
@@ -99,10 +132,16 @@ fn boundary_surface(domain: &Domain) -> Result<Surface, Fault> {
 }
 
 /// Radial coordinates of all vertices, those of the boundary at the ends of their rays.
-fn radial_coordinates(domain: &Domain, surface: &Surface, centre: Vec3) -> Result<Vec<RadialCoordinates>, Fault> {
-    let mut coordinates = by_ray_casting(surface, centre, domain.mesh().points())?;
+fn radial_coordinates(
+    domain: &Domain,
+    surface: &Surface,
+    centre: Vec3,
+    end: RayEnd,
+) -> Result<Vec<RadialCoordinates>, Fault> {
+    let mut coordinates = by_ray_casting(surface, centre, domain.mesh().points(), end)?;
     for (at, &on_boundary) in coordinates.iter_mut().zip(domain.boundary().vertex_mask()) {
-        if on_boundary {
+        // With "farthest" a boundary point may lie before the end of its ray.
+        if on_boundary && (end == RayEnd::Only || at.fraction > 1.0 - 1e-9) {
             at.fraction = 1.0;
         }
     }

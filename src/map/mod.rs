@@ -4,4 +4,4 @@ mod bijective;
 mod radial;
 
 pub use bijective::{Bijectivity, bijectivity};
-pub use radial::{RadialCoordinates, RayError, by_ray_casting, caraman};
+pub use radial::{RadialCoordinates, RayEnd, RayError, by_ray_casting, caraman};

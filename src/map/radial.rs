@@ -49,15 +49,30 @@ impl RadialCoordinates {
     }
 }
 
+/// Which boundary point of a ray is meant where a ray meets the boundary more than once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RayEnd {
+    /// There is only one: the solid is star-shaped about the centre.
+    Only,
+    /// The farthest one: the paper's extension to other solids (§2.4).
+    Farthest,
+}
+
 /// The coordinates of any points of the solid inside `surface`, by casting a ray from the centre through each.
 ///
-/// In the cone of the triangle that the ray meets, with corners a, b, c seen from the centre, x = la + mb + nc and
-/// u = l + m + n: the triangle is that of the largest least coefficient, so a ray through an edge or a vertex finds one
-/// of its triangles, all of which give the same u up to rounding. A point up to rounding outside has u clamped to 1.
+/// In the cone of a triangle that the ray meets, with corners a, b, c seen from the centre, x = la + mb + nc and
+/// u = l + m + n. Of a star-shaped solid the triangle of the largest least coefficient is taken, so a ray through an edge
+/// or a vertex finds one of its triangles, all of which give the same u up to rounding. A point up to rounding outside has u
+/// clamped to 1.
 ///
 /// # Errors
 /// [`RayError`] if a ray misses the surface by more than rounding.
-pub fn by_ray_casting(surface: &Surface, centre: Vec3, points: &[Vec3]) -> Result<Vec<RadialCoordinates>, RayError> {
+pub fn by_ray_casting(
+    surface: &Surface,
+    centre: Vec3,
+    points: &[Vec3],
+    end: RayEnd,
+) -> Result<Vec<RadialCoordinates>, RayError> {
     let size = surface.points().iter().map(|p| (p - centre).amax()).fold(0.0, f64::max);
     let mut cones: Vec<Cone> =
         (0..surface.triangles().len() as u32).map(|t| Cone::new(surface, centre, TriangleId(t), 1e-9 * size)).collect();
@@ -72,17 +87,18 @@ pub fn by_ray_casting(surface: &Surface, centre: Vec3, points: &[Vec3]) -> Resul
             }
             let direction = offset.normalize();
             let ray = Ray::new(Point3::origin(), direction);
-            let hit = hierarchy
+            // Coefficients of the unit vector: their sum is one over the distance of the boundary point. Rounding leaves
+            // those of a hit at an edge above -1e-9 of that.
+            let hits = hierarchy
                 .traverse_iterator(&ray, &cones)
                 .filter_map(|cone| cone.coefficients(&direction))
-                .max_by(|a, b| a.min().total_cmp(&b.min()));
-            // The coefficients of a unit vector are of the order of 1 / size; rounding leaves them below 1e-9 of that.
-            match hit {
-                Some(weights) if weights.min() >= -1e-9 * weights.sum() => {
-                    Ok(RadialCoordinates { fraction: (offset.norm() * weights.sum()).min(1.0), direction })
-                }
-                _ => Err(RayError { point: index }),
-            }
+                .filter(|weights| weights.min() >= -1e-9 * weights.sum());
+            let hit = match end {
+                RayEnd::Only => hits.max_by(|a, b| a.min().total_cmp(&b.min())),
+                RayEnd::Farthest => hits.min_by(|a, b| a.sum().total_cmp(&b.sum())),
+            };
+            let weights = hit.ok_or(RayError { point: index })?;
+            Ok(RadialCoordinates { fraction: (offset.norm() * weights.sum()).min(1.0), direction })
         })
         .collect()
 }
@@ -147,7 +163,7 @@ mod tests {
             let shell = shell(&solid, centre);
             let known = RadialCoordinates::of_shell(&shell);
             // Cast against the coarse surface: every shell vertex on an edge or a corner of it is a hard case.
-            let cast = by_ray_casting(&solid.surface().unwrap(), centre, shell.mesh.points()).unwrap();
+            let cast = by_ray_casting(&solid.surface().unwrap(), centre, shell.mesh.points(), RayEnd::Only).unwrap();
             for (a, b) in known.iter().zip(&cast) {
                 // Both round at 1e-16 times the condition of a cone (below 100).
                 assert!((a.fraction - b.fraction).abs() < 1e-13 && (a.direction - b.direction).norm() < 1e-13);
@@ -169,6 +185,18 @@ mod tests {
     fn a_ray_that_misses_is_an_error() {
         let surface = Solid::Cube.surface().unwrap();
         let outside = Vec3::new(3.0, 0.0, 0.0);
-        assert_eq!(by_ray_casting(&surface, outside, &[Vec3::new(4.0, 0.0, 0.0)]), Err(RayError { point: 0 }));
+        assert_eq!(
+            by_ray_casting(&surface, outside, &[Vec3::new(4.0, 0.0, 0.0)], RayEnd::Only),
+            Err(RayError { point: 0 })
+        );
+    }
+
+    #[test]
+    fn the_farthest_end_of_a_ray_that_leaves_and_enters_again() {
+        // From outside a cube the ray along x meets it at 2 and at 4.
+        let surface = Solid::Cube.surface().unwrap();
+        let outside = Vec3::new(-3.0, 0.0, 0.0);
+        let at = by_ray_casting(&surface, outside, &[Vec3::new(0.0, 0.1, 0.0)], RayEnd::Farthest).unwrap()[0];
+        assert!((at.fraction - 0.75).abs() < 1e-15);
     }
 }

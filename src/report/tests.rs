@@ -56,6 +56,8 @@ fn write(flip: bool) -> (tempfile::TempDir, Report) {
         best: BestBound::of(&bounds, after.summary.max_k),
         bounds,
         splits: None,
+        radial_exponent: 1.0,
+        radial_smooth_k: Some(7.2102),
         untangling: None,
         stop: StopReason::Converged,
         iterations: 1,

@@ -22,6 +22,21 @@ pub enum CentreChoice {
     Optimize,
 }
 
+impl CentreChoice {
+    /// The point this names for any solid, star-shaped or not; `None` for the rules that look for a star centre.
+    pub fn point(&self, surface: &Surface) -> Option<Vec3> {
+        match self {
+            Self::Kernel | Self::Optimize => None,
+            Self::Centroid => Some(surface.centroid()),
+            Self::BoundingBox => {
+                let (low, high) = surface.bounding_box();
+                Some((low + high) / 2.0)
+            }
+            Self::At(position) => Some(*position),
+        }
+    }
+}
+
 /// Why a solid has no such centre.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CentreError {
@@ -69,15 +84,10 @@ pub struct StarCentre {
 /// The solid is not star-shaped, or not about this centre: with triangles to show it, and the nearest centre that works.
 pub fn star_centre(surface: &Surface, choice: &CentreChoice) -> Result<StarCentre, CentreError> {
     let kernel = StarKernel::of(surface)?;
-    let position = match choice {
-        CentreChoice::Kernel => kernel.centre,
-        CentreChoice::Centroid => surface.centroid(),
-        CentreChoice::BoundingBox => {
-            let (low, high) = surface.bounding_box();
-            (low + high) / 2.0
-        }
-        CentreChoice::At(position) => *position,
-        CentreChoice::Optimize => optimize(surface, &kernel)?,
+    let position = match (choice, choice.point(surface)) {
+        (_, Some(point)) => point,
+        (CentreChoice::Optimize, None) => optimize(surface, &kernel)?,
+        (_, None) => kernel.centre,
     };
     if !position.iter().all(|x| x.is_finite()) {
         return Err(CentreError::NotFinite(position.into()));

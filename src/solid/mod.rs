@@ -22,6 +22,6 @@ pub use fan::FanError;
 pub use features::{FeatureAngles, Features};
 pub use generate::{Solid, SolidError};
 pub use kernel::{KernelError, StarKernel};
-pub use radial::radial_max_dilatation;
+pub use radial::{best_radial_exponent, radial_max_dilatation};
 pub use shell::{MOST_TETS, Refinement, ShellError, ShellMesh, ShellSettings, shell_mesh};
 pub use surface::{Surface, SurfaceEdge, SurfaceError};

@@ -17,7 +17,7 @@ const CORNERS_A_ROUND: usize = 12;
 /// Iterations of SLSQP in a round; a program of four variables needs about ten.
 const MAX_EVALUATIONS: u32 = 100;
 
-/// Minimizes [`super::radial_max_dilatation`] over the kernel, from the centre of its largest ball.
+/// Minimizes [`super::radial_max_dilatation`] (which grows with the same angle for every exponent) over the kernel, from the centre of its largest ball.
 ///
 /// K grows with t = tan(theta), and for a corner of a triangle t(centre) is the convex distance from the corner in the
 /// triangle's plane over the affine distance of the plane: quasi-convex, hence so is the max over all corners, and there
@@ -160,7 +160,7 @@ mod tests {
             for index in 0..21 * 21 * 21 {
                 let step = |divisor: i32| f64::from(index / divisor % 21 - 10) / 10.0;
                 let candidate = middle + half.component_mul(&Vec3::new(step(1), step(21), step(441)));
-                let dilatation = radial_max_dilatation(surface, &candidate);
+                let dilatation = radial_max_dilatation(surface, &candidate, 1.0);
                 if dilatation < least {
                     (least, centre) = (dilatation, candidate);
                 }
@@ -185,7 +185,7 @@ mod tests {
         for solid in solids {
             let surface = solid.surface().unwrap();
             let centre = star_centre(&surface, &CentreChoice::Optimize).unwrap();
-            let found = radial_max_dilatation(&surface, &centre.position);
+            let found = radial_max_dilatation(&surface, &centre.position, 1.0);
             let grid = grid_search(&surface);
             assert!(found < grid, "{solid:?}: {found} against {grid} on the grid");
         }
