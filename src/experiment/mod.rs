@@ -6,7 +6,7 @@ mod start;
 
 use std::time::Instant;
 
-use crate::bound;
+use crate::bound::{self, LowerBound};
 use crate::config::Plan;
 use crate::domain::Domain;
 use crate::map::{bijectivity, caraman};
@@ -76,7 +76,7 @@ pub fn on_threads<T: Send>(threads: usize, job: impl FnOnce() -> T + Send) -> Re
 
 fn stages(plan: &Plan, observe: &mut dyn FnMut(&TraceRow)) -> Result<Finished, RunError> {
     let clock = Instant::now();
-    let Start { origin, domain, centre, exponent, smooth_k, coordinates, splits, warnings } = Start::of(plan)?;
+    let Start { origin, domain, centre, exponent, smooth_k, coordinates, splits, mut warnings } = Start::of(plan)?;
     let initial = caraman(&coordinates, exponent);
     let measured_initial = measure(&domain, &initial);
     let fixed = domain.boundary().vertex_mask();
@@ -85,6 +85,7 @@ fn stages(plan: &Plan, observe: &mut dyn FnMut(&TraceRow)) -> Result<Finished, R
     let measured = measure(&domain, &outcome.positions);
     let active = measured.active(ACTIVE);
     let bounds = bound::all(&domain, &outcome.positions, centre.map(|c| c.position), centre.is_some());
+    warnings.extend(locked_warning(&domain, &bounds));
     let bijectivity = bijectivity(&domain, &outcome.positions);
     let report = Report {
         name: plan.name.clone(),
@@ -114,6 +115,22 @@ fn stages(plan: &Plan, observe: &mut dyn FnMut(&TraceRow)) -> Result<Finished, R
         times: Times { threads: rayon::current_num_threads(), seconds: clock.elapsed().as_secs_f64() },
     };
     Ok(Finished { report, domain, initial, outcome, measured_initial, measured, active })
+}
+
+/// Names the tets that a kept mesh locks, and what they force.
+fn locked_warning(domain: &Domain, bounds: &[LowerBound]) -> Option<String> {
+    /// More of them would not be read.
+    const NAMED: usize = 8;
+    let locked: Vec<u32> = domain.locked_tets().map(|tet| tet.0).collect();
+    let forced = bounds.iter().find(|bound| bound.name == "locked")?;
+    let named: Vec<String> = locked.iter().take(NAMED).map(u32::to_string).collect();
+    Some(format!(
+        "{} tets are locked, all their vertices being on the boundary: {}{}; whatever the inside does, they force K >= {:.4}",
+        locked.len(),
+        named.join(", "),
+        if locked.len() > NAMED { ", ..." } else { "" },
+        forced.value
+    ))
 }
 
 /// Frees a start of flipped tets if it has any, then optimises; if some resist, the least flipped map is the outcome.
