@@ -10,7 +10,7 @@ use super::progress::Progress;
 use super::{Ending, Failure};
 use crate::experiment::{GivenMap, RunError, on_threads, optimize_map, read_locks};
 use crate::mesh::io::write_medit;
-use crate::optimize::{Engine, Objective, OptimizeSettings};
+use crate::optimize::{Engine, Objective, OptimizeSettings, Polish};
 use crate::report::{map_summary, to_json};
 
 /// The map and how it is improved.
@@ -34,6 +34,9 @@ pub(crate) struct OptimizeArguments {
     /// Use argmin's L-BFGS instead of Newton for the soft maxima.
     #[arg(long)]
     lbfgs: bool,
+    /// Do not lower the mean under a cap after the largest K is settled.
+    #[arg(long)]
+    no_polish: bool,
     /// Accuracy in ln K at which the last phase ends.
     #[arg(long, default_value_t = OptimizeSettings::default().tolerance, value_parser = positive)]
     tolerance: f64,
@@ -71,6 +74,7 @@ pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure>
     let settings = OptimizeSettings {
         objective: arguments.soft_max.map_or(Objective::Max, Objective::SoftMax),
         engine: if arguments.lbfgs { Engine::Lbfgs } else { Engine::Newton },
+        polish: if arguments.no_polish { Polish::None } else { Polish::Mean },
         tolerance: arguments.tolerance,
         max_iterations: arguments.max_iterations,
         time_limit: arguments.time_limit.map(Duration::from_secs_f64),

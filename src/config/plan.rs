@@ -7,11 +7,11 @@ use super::error::{ConfigError, EXAMPLE, Fault};
 use super::limits::{positive, whole};
 use super::{
     CentreName, CentreValue, Config, ConfigSource, EngineName, ExponentName, ExponentValue, MapKind, MeshKind,
-    MeshTable, ObjectiveName, solid,
+    MeshTable, ObjectiveName, PolishName, solid,
 };
 use crate::mesh::Vec3;
 use crate::mesh::io::holds_a_surface;
-use crate::optimize::{Engine, Objective, OptimizeSettings};
+use crate::optimize::{Engine, Objective, OptimizeSettings, Polish};
 use crate::solid::{CentreChoice, MOST_TETS, Refinement, ShellSettings, Solid};
 
 /// A run that can be started.
@@ -222,6 +222,15 @@ fn optimize(config: &Config) -> Result<OptimizeSettings, Fault> {
         engine: match table.engine {
             EngineName::Newton => Engine::Newton,
             EngineName::Lbfgs => Engine::Lbfgs,
+        },
+        polish: match (table.polish, table.objective) {
+            (None, _) => default.polish,
+            (Some(PolishName::Mean), ObjectiveName::Max) => Polish::Mean,
+            (Some(PolishName::None), ObjectiveName::Max) => Polish::None,
+            (Some(_), ObjectiveName::SoftMax) => {
+                let message = "only the objective \"max\" is polished".to_string();
+                return Err(Fault::at(&["optimize", "polish"], message, "remove it, or use objective = \"max\""));
+            }
         },
         tolerance: positive(table.tolerance, default.tolerance, &["optimize", "tolerance"])?,
         max_iterations: whole(table.max_iterations, default.max_iterations as i64, 0..=1_000_000_000, &key)?,

@@ -109,6 +109,7 @@ fn stages(plan: &Plan, observe: &mut dyn FnMut(&TraceRow)) -> Result<Finished, R
         best: BestBound::of(&bounds, measured.summary.max_k),
         bounds,
         stop: outcome.stop,
+        kkt: outcome.kkt,
         iterations: outcome.trace.len().saturating_sub(1),
         warnings,
         config_text: plan.source.text().to_string(),

@@ -154,6 +154,7 @@ pub fn optimize_map(
         bounds,
         last: measured.summary,
         stop: outcome.stop,
+        kkt: outcome.kkt,
         iterations: outcome.trace.len().saturating_sub(1),
         times: Times { threads: rayon::current_num_threads(), seconds: clock.elapsed().as_secs_f64() },
     };

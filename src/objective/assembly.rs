@@ -23,6 +23,7 @@ pub struct Assembly<'d> {
     /// For each stored block of the system, its contributions `20 * tet + 2 * local pair + transposed`.
     blocks: Gather,
     system: BlockCholesky,
+    gradient_scale: f64,
 }
 
 /// Lists of contributions, one list an unknown.
@@ -100,7 +101,7 @@ impl<'d> Assembly<'d> {
                 })
             }),
         );
-        Ok(Self { domain, free, corners, blocks, system })
+        Ok(Self { domain, free, corners, blocks, system, gradient_scale: 0.0 })
     }
 
     /// The free vertices, ascending; unknown `i` is the position of `free()[i]`.
@@ -161,6 +162,8 @@ impl<'d> Assembly<'d> {
             .collect();
         let elements: Vec<ElementDerivatives> = elements.into_iter().collect::<Option<_>>()?;
         let gradient = self.gather(|corner| elements[corner / 4].gradient[corner % 4]);
+        self.gradient_scale =
+            self.corners.items.iter().map(|&c| elements[c as usize / 4].gradient[c as usize % 4].norm()).sum();
         let starts = self.system.column_starts().to_vec();
         let mut columns = split_columns(self.system.values_mut(), &starts);
         let blocks = &self.blocks;
@@ -207,6 +210,11 @@ impl<'d> Assembly<'d> {
             }
         }
         Some(sums)
+    }
+
+    /// The sum of the norms of all contributions to the last linearised gradient: what its norm is small against.
+    pub fn gradient_scale(&self) -> f64 {
+        self.gradient_scale
     }
 
     /// The Newton system, filled by [`Assembly::linearize`].

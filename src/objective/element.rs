@@ -133,7 +133,7 @@ pub(super) fn gradient_from(decomposition: &Svd, slope: [f64; 3], inverse_edges:
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::objective::{Barrier, SoftMax, Untangling};
+    use crate::objective::{Barrier, CappedMean, SoftMax, Untangling};
 
     fn value<E: TetEnergy>(energy: &E, jacobian: &Mat3) -> f64 {
         energy.value(svd(jacobian).values)
@@ -178,6 +178,7 @@ mod tests {
             check(&SoftMax::new(p, 0.3), bent());
         }
         check(&Barrier { bound: 2.0 }, bent());
+        check(&CappedMean { weight: 3.0, cap: 2.0 }, bent());
         let inside_out = [bent()[0], bent()[2], bent()[1], bent()[3]];
         for image in [bent(), inside_out] {
             check(&Untangling { epsilon: 0.5 }, image);
@@ -219,6 +220,7 @@ mod tests {
     fn hessians_match_second_differences_and_their_projections_lie_above() {
         check_hessian(&SoftMax::new(4.0, 0.3), bent());
         check_hessian(&Barrier { bound: 2.0 }, bent());
+        check_hessian(&CappedMean { weight: 3.0, cap: 2.0 }, bent());
         let inside_out = [bent()[0], bent()[2], bent()[1], bent()[3]];
         for image in [bent(), inside_out] {
             check_hessian(&Untangling { epsilon: 0.5 }, image);

@@ -6,12 +6,14 @@
 
 mod assembly;
 mod barrier;
+mod capped_mean;
 mod element;
 mod soft_max;
 mod untangling;
 
 pub use assembly::Assembly;
 pub use barrier::Barrier;
+pub use capped_mean::CappedMean;
 pub use element::{ElementDerivatives, Spectrum, centred_logs};
 pub use soft_max::SoftMax;
 pub use untangling::Untangling;

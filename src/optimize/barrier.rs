@@ -3,8 +3,8 @@
 //! minimise w t - sum over tets and i of ln(t^2 - 9 l_i^2), t the bound, w growing from stage to stage. At a minimiser the
 //! slacks' multipliers add up, so t lies within about (number of terms) / w of a stationary value of ln max K.
 
-use super::newton::{PhaseEnd, dot, moved};
-use super::{Progress, Recorder};
+use super::newton::{PhaseEnd, dot, factorize_damped, less_negative, moved};
+use super::{KktResidual, Progress, Recorder};
 use crate::mesh::Vec3;
 use crate::objective::{Assembly, Barrier};
 
@@ -34,33 +34,56 @@ struct Step {
     /// Tangent of the central path: change of positions and bound for a unit change of weight.
     tangent: Vec<f64>,
     bound_tangent: f64,
+    residual: Residual,
 }
 
-/// Follows the path until the bound is within `tolerance` of its limit, by the estimate above.
+/// How far positions, bound and the multipliers 1 / (weight * slack) are from stationary.
+#[derive(Clone, Copy)]
+struct Residual {
+    /// Norm of the multipliers' combined gradient in the positions, relative to the sum of its parts' norms.
+    dual: f64,
+    /// |1 - sum of the multipliers|.
+    multipliers: f64,
+}
+
+/// Follows the path until the complementarity gap is below `tolerance`, then centres until the dual residual is, too.
+///
+/// Returns also the residual of the Karush-Kuhn-Tucker conditions at the end, unless nothing was solved.
 pub(super) fn barrier_phase(
     assembly: &mut Assembly<'_>,
     image: &mut Vec<Vec3>,
     tolerance: f64,
     recorder: &mut Recorder<'_>,
-) -> PhaseEnd {
-    let Some(largest) = assembly.largest_log(image) else { return PhaseEnd::NoProgress };
+) -> (PhaseEnd, Option<KktResidual>) {
+    let Some(largest) = assembly.largest_log(image) else { return (PhaseEnd::NoProgress, None) };
     let mut bound = 3.0 * largest + FIRST_SLACK;
     // The weight for which the first bound is stationary.
-    let Some((first, _)) = assembly.bound_derivatives(&Barrier { bound }, image) else { return PhaseEnd::NoProgress };
+    let Some((first, _)) = assembly.bound_derivatives(&Barrier { bound }, image) else {
+        return (PhaseEnd::NoProgress, None);
+    };
     let mut weight = -first;
-    // Of a tet's six factors t - 3 l_i and t + 3 l_i at most two can be active together, and few tets are.
-    let last_weight = 2.0 * assembly.domain().mesh().tets().len() as f64 / tolerance;
+    let terms = 6.0 * assembly.domain().mesh().tets().len() as f64;
+    let last_weight = (terms / tolerance).max(weight);
     let (first_weight, share) = (weight, recorder.progress);
     // 1 for the true Hessian; less, down to 0, where it is indefinite.
     let mut negative = 1.0;
+    let mut kkt = None;
     loop {
+        let mut previous = f64::INFINITY;
         for taken in 0.. {
             let Some(step) = newton_step(assembly, image, bound, weight, &mut negative) else {
-                return PhaseEnd::NoProgress;
+                return (PhaseEnd::NoProgress, kkt);
             };
-            if (taken > 0 && -step.slope < CENTRED) || taken == STAGE_STEPS {
-                if weight >= last_weight {
-                    return PhaseEnd::Converged;
+            let Residual { dual, multipliers } = step.residual;
+            kkt = Some(KktResidual { primal: 0.0, dual: dual.max(multipliers), complementarity: terms / weight });
+            let last = weight >= last_weight;
+            // At the last weight rounding of the slacks decides how far the residual falls: go on while it halves.
+            let residual = dual.max(multipliers);
+            let centred = -step.slope < CENTRED && (!last || residual < 0.1 * tolerance || residual > 0.5 * previous);
+            previous = residual;
+            if (taken > 0 && centred) || taken == STAGE_STEPS {
+                if last {
+                    return (PhaseEnd::Converged, kkt);
                 }
                 let next = (weight * WEIGHT_RATIO).min(last_weight);
                 // The path is nearly linear in 1 / weight near its end.
@@ -71,11 +94,12 @@ pub(super) fn barrier_phase(
                 break;
             }
             let Some((length, trial, trial_bound)) = line_search(assembly, image, bound, weight, &step) else {
-                return PhaseEnd::NoProgress;
+                // Rounding decides: as centred as it gets.
+                return (if last { PhaseEnd::Converged } else { PhaseEnd::NoProgress }, kkt);
             };
             (*image, bound) = (trial, trial_bound);
             if recorder.record("barrier", bound, length, image) == Progress::Stop {
-                return PhaseEnd::Interrupted;
+                return (PhaseEnd::Interrupted, kkt);
             }
             negative = (2.0 * negative).clamp(0.02, 1.0);
         }
@@ -95,33 +119,29 @@ fn newton_step(
     let mixed = assembly.mixed_gradient(&barrier, image)?;
     let (first, second) = assembly.bound_derivatives(&barrier, image)?;
     loop {
-        let gradient = assembly.linearize(&barrier, image, *negative)?;
-        let system = assembly.system();
-        // Rounding of a semidefinite matrix; far below the barrier's own curvature.
-        system.shift_diagonal(1e-14 * system.largest_diagonal());
-        if system.factorize().is_ok() {
-            let mut by_bound = mixed.clone();
-            system.solve(&mut by_bound);
-            let schur = second - dot(&mixed, &by_bound);
-            if schur > 0.0 {
-                let mut by_position = gradient.clone();
-                system.solve(&mut by_position);
-                let bound_gradient = weight + first;
-                let bound_direction = -(bound_gradient - dot(&mixed, &by_position)) / schur;
-                let direction: Vec<f64> =
-                    by_position.iter().zip(&by_bound).map(|(u, w)| -u - w * bound_direction).collect();
-                let slope = dot(&gradient, &direction) + bound_gradient * bound_direction;
+        let gradient = factorize_damped(assembly, &barrier, image, negative)?;
+        let mut by_bound = mixed.clone();
+        assembly.system().solve(&mut by_bound);
+        let schur = second - dot(&mixed, &by_bound);
+        if schur > 0.0 {
+            let mut by_position = gradient.clone();
+            assembly.system().solve(&mut by_position);
+            let bound_gradient = weight + first;
+            let bound_direction = -(bound_gradient - dot(&mixed, &by_position)) / schur;
+            let direction: Vec<f64> =
+                by_position.iter().zip(&by_bound).map(|(u, w)| -u - w * bound_direction).collect();
+            let slope = dot(&gradient, &direction) + bound_gradient * bound_direction;
+            if slope < 0.0 {
                 let bound_tangent = -1.0 / schur;
                 let tangent: Vec<f64> = by_bound.iter().map(|w| -w * bound_tangent).collect();
-                if slope < 0.0 {
-                    return Some(Step { value, direction, bound_direction, slope, tangent, bound_tangent });
-                }
+                let residual = Residual {
+                    dual: gradient.iter().map(|g| g * g).sum::<f64>().sqrt() / assembly.gradient_scale(),
+                    multipliers: (bound_gradient / weight).abs(),
+                };
+                return Some(Step { value, direction, bound_direction, slope, tangent, bound_tangent, residual });
             }
         }
-        if *negative == 0.0 {
-            return None;
-        }
-        *negative = if *negative > 0.02 { 0.3 * *negative } else { 0.0 };
+        *negative = less_negative(*negative)?;
     }
 }
 

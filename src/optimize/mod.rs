@@ -6,6 +6,7 @@
 mod barrier;
 mod lbfgs;
 mod newton;
+mod polish;
 mod untangle;
 
 use std::time::{Duration, Instant};
@@ -30,6 +31,8 @@ const LAST_BEFORE_BARRIER: f64 = 384.0;
 const SHARE_BEFORE_BARRIER: f64 = 0.2;
 /// Share of the time up to the last phase of a soft maximum; a rough guess is all a progress bar needs.
 const SHARE_BEFORE_LAST_PHASE: f64 = 0.7;
+/// Largest KKT residual that counts as optimal.
+const OPTIMAL: f64 = 1e-6;
 /// Fall in ln K of a step which ends all but the last phase: 2e-4 was found enough, ending earlier costs more than it
 /// saves (design.md §5.4).
 const PHASE_TOLERANCE: f64 = 2e-4;
@@ -52,6 +55,15 @@ pub enum Engine {
     Lbfgs,
 }
 
+/// What is done after the largest K is settled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Polish {
+    /// The mean is lowered while max K may rise by 0.02 %.
+    Mean,
+    /// Nothing.
+    None,
+}
+
 /// The settings of one optimisation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OptimizeSettings {
@@ -59,6 +71,8 @@ pub struct OptimizeSettings {
     pub objective: Objective,
     /// By which algorithm.
     pub engine: Engine,
+    /// What follows a settled [`Objective::Max`].
+    pub polish: Polish,
     /// Accuracy in ln K at which the last phase ends, > 0.
     pub tolerance: f64,
     /// Most iterations over all phases.
@@ -72,6 +86,7 @@ impl Default for OptimizeSettings {
         Self {
             objective: Objective::Max,
             engine: Engine::Newton,
+            polish: Polish::Mean,
             tolerance: 1e-6,
             max_iterations: 1000,
             time_limit: None,
@@ -94,6 +109,8 @@ pub enum OptimizeError {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum StopReason {
+    /// The largest K is at a stationary point: the residual of the Karush-Kuhn-Tucker conditions is at most 1e-6.
+    Optimal,
     /// The last phase reached its tolerance.
     Converged,
     /// The iteration limit was reached.
@@ -129,13 +146,35 @@ pub struct TraceRow {
     pub seconds: f64,
 }
 
+/// How far a minimax solution is from stationary: the Karush-Kuhn-Tucker conditions of min t subject to 3 |l_i| <= t.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct KktResidual {
+    /// Largest violation of a constraint, in ln K; a barrier's iterates have none.
+    pub primal: f64,
+    /// Norm of the multipliers' combined gradient relative to the sum of its parts' norms, or the distance of the
+    /// multipliers' sum from 1 if that is larger.
+    pub dual: f64,
+    /// Sum of multiplier times slack over all constraints, in ln K.
+    pub complementarity: f64,
+}
+
+impl KktResidual {
+    /// The largest of the three.
+    pub fn largest(&self) -> f64 {
+        self.primal.max(self.dual).max(self.complementarity)
+    }
+}
+
 /// How an optimisation ended.
 #[derive(Clone, Debug)]
 pub struct Outcome {
-    /// Image positions: for [`Objective::Max`] the iterate of least measured max K, for soft maxima the last one.
+    /// Image positions: for [`Objective::Max`] the iterate of least measured max K, polished if asked; for soft maxima the
+    /// last one.
     pub positions: Vec<Vec3>,
     /// Why it ended.
     pub stop: StopReason,
+    /// How far the minimax solution, before any polish, is from stationary; `None` where no barrier was reached.
+    pub kkt: Option<KktResidual>,
     /// One row an iteration, and row 0 for the start.
     pub trace: Vec<TraceRow>,
 }
@@ -143,7 +182,7 @@ pub struct Outcome {
 impl Outcome {
     /// The outcome of a start that could not be untangled.
     pub fn still_flipped(positions: Vec<Vec3>) -> Self {
-        Self { positions, stop: StopReason::StillFlipped, trace: Vec::new() }
+        Self { positions, stop: StopReason::StillFlipped, kkt: None, trace: Vec::new() }
     }
 }
 
@@ -165,23 +204,33 @@ pub fn optimize(
     }
     let mut image = start.to_vec();
     let mut recorder = Recorder::new(domain, start, settings, observe);
-    let end = if assembly.free().is_empty() {
-        None
-    } else {
-        Some(continuation(&mut assembly, &mut image, settings, &mut recorder))
+    if assembly.free().is_empty() {
+        return Ok(Outcome { positions: image, stop: StopReason::NothingFree, kkt: None, trace: recorder.rows });
+    }
+    let (end, kkt) = continuation(&mut assembly, &mut image, settings, &mut recorder);
+    let mut stop = match end {
+        PhaseEnd::Converged if kkt.is_some_and(|kkt| kkt.largest() <= OPTIMAL) => StopReason::Optimal,
+        PhaseEnd::Converged => StopReason::Converged,
+        PhaseEnd::NoProgress => StopReason::NoProgress,
+        PhaseEnd::Interrupted => recorder.interruption(),
     };
-    let stop = match end {
-        None => StopReason::NothingFree,
-        Some(PhaseEnd::Converged) => StopReason::Converged,
-        Some(PhaseEnd::NoProgress) => StopReason::NoProgress,
-        Some(PhaseEnd::Interrupted) if recorder.rows.len() > settings.max_iterations => StopReason::IterationLimit,
-        Some(PhaseEnd::Interrupted) => StopReason::TimeLimit,
-    };
-    let positions = match settings.objective {
-        Objective::Max => recorder.best,
-        Objective::SoftMax(_) => image,
-    };
-    Ok(Outcome { positions, stop, trace: recorder.rows })
+    if settings.objective == Objective::Max {
+        image.clone_from(&recorder.best);
+        if settings.polish == Polish::Mean && end != PhaseEnd::Interrupted {
+            let cap = recorder.best_k * (1.0 + polish::CAP);
+            let before = recorder.mean_of_best;
+            let end = polish::lower_mean(&mut assembly, &mut image, cap.ln(), &mut recorder);
+            if end == PhaseEnd::Interrupted {
+                stop = recorder.interruption();
+            }
+            // The energy is not quite the mean: what does not lower it is not kept.
+            let last = recorder.rows.last().expect("row 0 is always there");
+            if last.mean_k > before || last.max_k > cap {
+                image.clone_from(&recorder.best);
+            }
+        }
+    }
+    Ok(Outcome { positions: image, stop, kkt, trace: recorder.rows })
 }
 
 fn continuation(
@@ -189,7 +238,7 @@ fn continuation(
     image: &mut Vec<Vec3>,
     settings: &OptimizeSettings,
     recorder: &mut Recorder<'_>,
-) -> PhaseEnd {
+) -> (PhaseEnd, Option<KktResidual>) {
     let phase =
         |assembly: &mut Assembly<'_>, image: &mut Vec<Vec3>, exponent, tolerance, recorder: &mut Recorder<'_>| {
             match settings.engine {
@@ -210,13 +259,13 @@ fn continuation(
         recorder.progress = share * index as f64 / before.clone().count() as f64;
         // A phase that makes no progress is no reason to end: the next one has another objective.
         if phase(assembly, image, exponent, PHASE_TOLERANCE, recorder) == PhaseEnd::Interrupted {
-            return PhaseEnd::Interrupted;
+            return (PhaseEnd::Interrupted, None);
         }
     }
     recorder.progress = share;
     match settings.objective {
         Objective::Max => barrier::barrier_phase(assembly, image, settings.tolerance, recorder),
-        Objective::SoftMax(exponent) => phase(assembly, image, exponent, settings.tolerance, recorder),
+        Objective::SoftMax(exponent) => (phase(assembly, image, exponent, settings.tolerance, recorder), None),
     }
 }
 
@@ -237,6 +286,7 @@ struct Recorder<'a> {
     rows: Vec<TraceRow>,
     best: Vec<Vec3>,
     best_k: f64,
+    mean_of_best: f64,
     /// See [`TraceRow::progress`]; set by the phases.
     progress: f64,
 }
@@ -257,10 +307,16 @@ impl<'a> Recorder<'a> {
             rows: Vec::new(),
             best: image.to_vec(),
             best_k: f64::INFINITY,
+            mean_of_best: f64::INFINITY,
             progress: 0.0,
         };
         recorder.record("start", f64::INFINITY, 0.0, image);
         recorder
+    }
+
+    /// Which limit stopped it.
+    fn interruption(&self) -> StopReason {
+        if self.rows.len() > self.max_iterations { StopReason::IterationLimit } else { StopReason::TimeLimit }
     }
 
     fn record(&mut self, phase: &str, objective: f64, step: f64, image: &[Vec3]) -> Progress {
@@ -270,9 +326,11 @@ impl<'a> Recorder<'a> {
             .with_min_len(1024)
             .map(|t| Dilatation::of(&self.domain.jacobian(crate::mesh::TetId(t), image)).k())
             .collect();
+        let mean_k = dilatations.iter().sum::<f64>() / dilatations.len() as f64;
         let max_k = dilatations.iter().copied().fold(1.0, f64::max);
         if max_k < self.best_k {
             self.best_k = max_k;
+            self.mean_of_best = mean_k;
             self.best.clear();
             self.best.extend_from_slice(image);
         }
@@ -281,7 +339,7 @@ impl<'a> Recorder<'a> {
             iteration: self.rows.len(),
             objective,
             max_k,
-            mean_k: dilatations.iter().sum::<f64>() / dilatations.len() as f64,
+            mean_k,
             step,
             progress: self.progress,
             seconds: self.start.elapsed().as_secs_f64(),

@@ -85,6 +85,34 @@ pub(super) fn factorize_shifted(assembly: &mut Assembly<'_>) -> Option<()> {
     Some(())
 }
 
+/// Fills and factorises the system of an energy, lowering `negative` until it is positive definite; the gradient.
+pub(super) fn factorize_damped<E: TetEnergy>(
+    assembly: &mut Assembly<'_>,
+    energy: &E,
+    image: &[Vec3],
+    negative: &mut f64,
+) -> Option<Vec<f64>> {
+    loop {
+        let gradient = assembly.linearize(energy, image, *negative)?;
+        let system = assembly.system();
+        // Rounding of a semidefinite matrix; far below the energies' own curvature.
+        system.shift_diagonal(1e-14 * system.largest_diagonal());
+        if system.factorize().is_ok() {
+            return Some(gradient);
+        }
+        *negative = less_negative(*negative)?;
+    }
+}
+
+/// The next smaller share of negative curvature to try; `None` after 0.
+pub(super) fn less_negative(negative: f64) -> Option<f64> {
+    match negative {
+        0.0 => None,
+        share if share > 0.02 => Some(0.3 * share),
+        _ => Some(0.0),
+    }
+}
+
 /// Halves the step from `longest` until the energy at the trial passes `accept(energy, step)`; a flipped tet never does.
 pub(super) fn line_search<E: TetEnergy>(
     assembly: &Assembly<'_>,

@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::{BestBound, Splits, Times, UntanglingFigures};
 use crate::bound::LowerBound;
 use crate::measure::Summary;
-use crate::optimize::StopReason;
+use crate::optimize::{KktResidual, StopReason};
 
 /// What `qcball optimize --json` prints.
 #[derive(Clone, Debug, Serialize)]
@@ -36,6 +36,8 @@ pub struct MapReport {
     pub best: BestBound,
     /// Why the optimisation ended.
     pub stop: StopReason,
+    /// How far the minimax solution, before any polish, is from stationary; none where the barrier was not reached.
+    pub kkt: Option<KktResidual>,
     /// Iterations over all phases.
     pub iterations: usize,
     /// What depends on the machine and its load.

@@ -15,7 +15,7 @@ use serde::Serialize;
 
 use crate::bound::LowerBound;
 use crate::measure::{Bottleneck, Summary};
-use crate::optimize::StopReason;
+use crate::optimize::{KktResidual, StopReason};
 
 /// Everything a reader needs to doubt a result; `report.json` holds it under these names, in this order.
 ///
@@ -68,6 +68,8 @@ pub struct Report {
     pub best: BestBound,
     /// Why the optimisation ended.
     pub stop: StopReason,
+    /// How far the minimax solution, before any polish, is from stationary; none where the barrier was not reached.
+    pub kkt: Option<KktResidual>,
     /// Iterations over all phases.
     pub iterations: usize,
     /// What a reader should know before trusting the numbers.

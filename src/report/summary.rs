@@ -205,6 +205,7 @@ fn bottleneck_in_words(bottleneck: &Bottleneck) -> String {
 
 fn stop_in_words(stop: StopReason, iterations: usize) -> String {
     let why = match stop {
+        StopReason::Optimal => "the largest K is at a stationary point (KKT residual at most 1e-6)",
         StopReason::Converged => "converged",
         StopReason::IterationLimit => "iteration limit reached",
         StopReason::TimeLimit => "time limit reached",

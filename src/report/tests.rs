@@ -60,6 +60,7 @@ fn write(flip: bool) -> (tempfile::TempDir, Report) {
         radial_smooth_k: Some(7.2102),
         untangling: None,
         stop: StopReason::Converged,
+        kkt: None,
         iterations: 1,
         warnings: vec!["this is a test".into()],
         config_text: "[domain]\nsolid = \"cube\"".into(),
