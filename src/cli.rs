@@ -1,6 +1,7 @@
 //! The command line: arguments in, exit code out. Numbers go to standard output, everything else to standard error.
 
 mod measure;
+mod optimize;
 mod output;
 mod progress;
 
@@ -33,6 +34,8 @@ enum Command {
     Measure(measure::MapArguments),
     /// Print proved lower bounds for the dilatation of the map between two meshes with the same connectivity.
     Bounds(measure::MapArguments),
+    /// Lower the dilatation of a map given by two meshes: any start, any fixed vertices, any target.
+    Optimize(optimize::OptimizeArguments),
     /// Print the JSON schema of config files, which describes every key.
     Schema,
     /// Print a completion script for a shell.
@@ -55,6 +58,9 @@ struct RunArguments {
     /// Number of threads, instead of the config's; 0 for all cores.
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(0..=1024))]
     threads: Option<u16>,
+    /// Keep a given mesh as it is, locked tets included; the same as --set domain.keep_mesh=true.
+    #[arg(long)]
+    keep_mesh: bool,
     /// No progress and no summary.
     #[arg(long)]
     quiet: bool,
@@ -83,8 +89,6 @@ pub(crate) enum Failure {
     Read(#[from] ReadError),
     #[error(transparent)]
     Write(#[from] WriteError),
-    #[error(transparent)]
-    Measure(#[from] measure::MeasureError),
     /// Standard output is closed or full; the reader of a closed pipe wants no more.
     #[error("cannot write to standard output: {0}")]
     Output(#[source] std::io::Error),
@@ -98,6 +102,7 @@ pub fn main() -> ExitCode {
         Command::Run(arguments) => run(&arguments),
         Command::Measure(arguments) => measure::measure_map(&arguments),
         Command::Bounds(arguments) => measure::bound_map(&arguments),
+        Command::Optimize(arguments) => optimize::optimize(&arguments),
         Command::Schema => print(&(schema() + "\n")),
         Command::Completions { shell } => completions(shell),
     };
@@ -120,7 +125,11 @@ fn completions(shell: Shell) -> Result<Ending, Failure> {
 }
 
 fn run(arguments: &RunArguments) -> Result<Ending, Failure> {
-    let mut plan = Plan::read(&arguments.config, &arguments.set)?;
+    let mut overrides = arguments.set.clone();
+    if arguments.keep_mesh {
+        overrides.push("domain.keep_mesh=true".into());
+    }
+    let mut plan = Plan::read(&arguments.config, &overrides)?;
     if let Some(threads) = arguments.threads {
         plan.threads = Some(usize::from(threads)).filter(|&threads| threads > 0);
     }

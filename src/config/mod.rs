@@ -74,6 +74,9 @@ pub struct DomainTable {
     /// Default: 8.
     #[schemars(range(min = 1, max = 1000))]
     pub resolution: Option<i64>,
+    /// Keep a given mesh as it is. Default: false, interior edges and faces between boundary vertices are split, so that
+    /// no tet is locked by the fixed boundary.
+    pub keep_mesh: bool,
     /// The star centre: "kernel" (a deep point of the set of all star centres; the default), "centroid", "bbox" (the
     /// middle of the bounding box), "optimize" (the one with the least initial K) or a point [x, y, z].
     pub centre: Option<CentreValue>,
@@ -124,6 +127,20 @@ pub struct MeshTable {
     /// Ratio of the thicknesses of successive layers outward, > 0. Default: 1, all layers equally thick.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub grading: Option<f64>,
+}
+
+impl MeshTable {
+    /// The first key that was given, if any.
+    fn first_given(&self) -> Option<&'static str> {
+        let given = [
+            ("subdivisions", self.subdivisions.is_some()),
+            ("edge_length", self.edge_length.is_some()),
+            ("cells", self.cells.is_some()),
+            ("layers", self.layers.is_some()),
+            ("grading", self.grading.is_some()),
+        ];
+        given.into_iter().find(|(_, given)| *given).map(|(key, _)| key)
+    }
 }
 
 /// A mesher.

@@ -9,6 +9,7 @@ use super::{
     CentreName, CentreValue, Config, ConfigSource, EngineName, MapKind, MeshKind, MeshTable, ObjectiveName, solid,
 };
 use crate::mesh::Vec3;
+use crate::mesh::io::holds_a_surface;
 use crate::optimize::{Engine, Objective, OptimizeSettings};
 use crate::solid::{CentreChoice, MOST_TETS, Refinement, ShellSettings, Solid};
 
@@ -25,6 +26,8 @@ pub struct Plan {
     pub threads: Option<usize>,
     /// What is mapped.
     pub domain: DomainSource,
+    /// Whether a given mesh keeps its connectivity, locked tets included.
+    pub keep_mesh: bool,
     /// Its star centre.
     pub centre: CentreChoice,
     /// How it is filled with tets.
@@ -40,8 +43,10 @@ pub struct Plan {
 pub enum DomainSource {
     /// A built-in solid.
     Solid(Solid),
-    /// A file that was there when the config was read.
-    File(PathBuf),
+    /// A surface file that was there when the config was read.
+    Surface(PathBuf),
+    /// A file of tets that was there when the config was read.
+    Mesh(PathBuf),
 }
 
 /// The map to start from.
@@ -71,6 +76,7 @@ impl Plan {
             seed: whole(Some(config.seed), 0, 0..=i64::MAX, &["seed"])?,
             threads: Some(whole(config.threads, 0, 0..=1024, &["threads"])?).filter(|&threads| threads > 0),
             domain: domain(source.path(), config)?,
+            keep_mesh: config.domain.keep_mesh,
             centre: centre(config)?,
             mesh: mesh(&config.mesh)?,
             map: match config.map.kind {
@@ -117,10 +123,19 @@ fn domain(config_path: &Path, config: &Config) -> Result<DomainSource, Fault> {
                 let message = format!("the file {} {why}", path.display());
                 return Err(Fault::at(&["domain", "file"], message, "paths are relative to the config file"));
             }
-            DomainSource::File(path)
+            if holds_a_surface(&path) { DomainSource::Surface(path) } else { DomainSource::Mesh(path) }
         }
     };
     solid::check_parameters(domain)?;
+    let is_mesh = matches!(source, DomainSource::Mesh(_));
+    if is_mesh && let Some(key) = config.mesh.first_given() {
+        let message = format!("`{key}` speaks of a mesh to be made, but `domain.file` is a mesh already");
+        return Err(Fault::at(&["mesh", key], message, "remove the key, or give a surface as domain.file"));
+    }
+    if domain.keep_mesh && !is_mesh {
+        let message = "`keep_mesh` speaks of a given mesh, but the mesh of this run is made".to_string();
+        return Err(Fault::at(&["domain", "keep_mesh"], message, "remove the key, or give a mesh as domain.file"));
+    }
     Ok(source)
 }
 

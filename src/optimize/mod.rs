@@ -104,6 +104,8 @@ pub enum StopReason {
     NoProgress,
     /// There is no free vertex.
     NothingFree,
+    /// Tets of the start could not be untangled, so nothing was optimised.
+    StillFlipped,
 }
 
 /// One iteration, as the progress line, trace.csv and the plots show it.
@@ -136,6 +138,13 @@ pub struct Outcome {
     pub stop: StopReason,
     /// One row an iteration, and row 0 for the start.
     pub trace: Vec<TraceRow>,
+}
+
+impl Outcome {
+    /// The outcome of a start that could not be untangled.
+    pub fn still_flipped(positions: Vec<Vec3>) -> Self {
+        Self { positions, stop: StopReason::StillFlipped, trace: Vec::new() }
+    }
 }
 
 /// Moves the vertices with `fixed[vertex] == false` from `start` so that the objective falls; `observe` sees each row.

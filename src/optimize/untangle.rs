@@ -2,10 +2,9 @@
 
 use std::time::Instant;
 
-use super::TraceRow;
 use super::newton::{dot, line_search, newton_direction};
+use super::{OptimizeError, TraceRow};
 use crate::domain::Domain;
-use crate::linalg::SparseError;
 use crate::mesh::{Orientation, TetId, Vec3, orientation};
 use crate::objective::{Assembly, Untangling};
 
@@ -44,14 +43,14 @@ pub fn flipped_tets(domain: &Domain, image: &[Vec3]) -> Vec<TetId> {
 /// Theorem 1). Ends after `max_iterations` steps at the latest; a start without a flip is returned as it is.
 ///
 /// # Errors
-/// [`SparseError::TooLarge`] if the Newton system cannot be held.
+/// [`OptimizeError::System`] if the Newton system cannot be held.
 pub fn untangle(
     domain: &Domain,
     start: &[Vec3],
     fixed: &[bool],
     max_iterations: usize,
     observe: &mut dyn FnMut(&TraceRow),
-) -> Result<Untangled, SparseError> {
+) -> Result<Untangled, OptimizeError> {
     let mut best = Untangled { positions: start.to_vec(), resisting: flipped_tets(domain, start), iterations: 0 };
     if best.resisting.is_empty() {
         return Ok(best);

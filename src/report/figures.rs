@@ -4,7 +4,8 @@ use serde::Serialize;
 
 use crate::bound::LowerBound;
 use crate::domain::Domain;
-use crate::mesh::{VertexId, smallest_dihedral_angle};
+use crate::mesh::{TetId, VertexId, smallest_dihedral_angle};
+use crate::optimize::Untangled;
 use crate::solid::StarCentre;
 
 /// The size and shape of a domain.
@@ -52,6 +53,53 @@ impl DomainFigures {
             kernel_radius: centre.map(|centre| centre.kernel_radius),
             smallest_angle: centre.map(|centre| centre.smallest_angle.to_degrees()),
         }
+    }
+}
+
+/// The splits that made a given mesh's boundary a full subcomplex, so that no tet is locked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Splits {
+    /// Interior edges between boundary vertices that were halved.
+    pub edges: usize,
+    /// Interior faces between boundary vertices that were split at their centre.
+    pub faces: usize,
+    /// Number of tets before.
+    pub tets_before: usize,
+}
+
+/// How a start with flipped tets was untangled.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct UntanglingFigures {
+    /// Flipped tets of the start.
+    pub flipped_before: usize,
+    /// Newton steps.
+    pub iterations: usize,
+    /// Tets that are still flipped.
+    pub resisting: Vec<TetId>,
+    /// Vertices that two or more of those share, most shared first: where to refine.
+    pub common_vertices: Vec<VertexId>,
+}
+
+impl UntanglingFigures {
+    /// The figures of an untangling from a start with that many flipped tets; `None` if there was nothing to do.
+    pub fn of(domain: &Domain, flipped_before: usize, untangled: &Untangled) -> Option<Self> {
+        if flipped_before == 0 {
+            return None;
+        }
+        let mut uses = std::collections::BTreeMap::new();
+        for tet in &untangled.resisting {
+            for vertex in domain.mesh().tets()[tet.index()] {
+                *uses.entry(vertex).or_insert(0usize) += 1;
+            }
+        }
+        let mut common: Vec<(VertexId, usize)> = uses.into_iter().filter(|&(_, count)| count > 1).collect();
+        common.sort_by_key(|&(vertex, count)| (std::cmp::Reverse(count), vertex));
+        Some(Self {
+            flipped_before,
+            iterations: untangled.iterations,
+            resisting: untangled.resisting.clone(),
+            common_vertices: common.into_iter().map(|(vertex, _)| vertex).collect(),
+        })
     }
 }
 

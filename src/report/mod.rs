@@ -1,13 +1,15 @@
 //! The record of a run, and the files and the summary that are views of it.
 
 mod figures;
+mod map_report;
 mod results;
 mod summary;
 
-pub use figures::{BestBound, DomainFigures};
+pub use figures::{BestBound, DomainFigures, Splits, UntanglingFigures};
+pub use map_report::MapReport;
 pub use results::{MapRecord, write_results};
-pub use summary::summary;
 pub(crate) use summary::{bounds_table, dilatations};
+pub use summary::{map_summary, summary};
 
 use serde::Serialize;
 
@@ -37,8 +39,12 @@ pub struct Report {
     pub seed: u64,
     /// The domain.
     pub domain: DomainFigures,
+    /// The splits that freed locked tets of a given mesh; `null` if there were none.
+    pub splits: Option<Splits>,
     /// The map started from, measured.
     pub initial: Summary,
+    /// How flipped tets of that map were untangled; `null` if there were none.
+    pub untangling: Option<UntanglingFigures>,
     /// The map arrived at, measured from its positions alone.
     #[serde(rename = "final")]
     pub last: Summary,

@@ -1,6 +1,6 @@
 //! What a person reads of a run in a terminal.
 
-use super::{BestBound, Report};
+use super::{BestBound, MapReport, Report, Splits, Times, UntanglingFigures};
 use crate::bound::{Kind, LowerBound, Scope};
 use crate::measure::{Bottleneck, Summary};
 use crate::mesh::Place;
@@ -22,13 +22,15 @@ pub fn summary(report: &Report) -> String {
         domain.vertices, domain.boundary_vertices, domain.tets, domain.locked, domain.smallest_dihedral_angle
     );
     let bijective = format!("{}: {}", if report.bijective { "yes" } else { "no" }, report.bijective_reason);
-    let time = format!("{:.1} s on {} thread{}", report.times.seconds, report.times.threads, s(report.times.threads));
+    let time = time_in_words(report.times);
     let blocks = [
         labelled("run", &format!("{} ({})", report.name, report.config)),
         labelled("solid", &domain.solid),
         centre.map(|centre| labelled("centre", &centre)).unwrap_or_default(),
         labelled("mesh", &mesh),
+        report.splits.map(splits_in_words).unwrap_or_default(),
         format!("\n{}\n", dilatations(&[("start", &report.initial), ("final", &report.last)])),
+        report.untangling.as_ref().map(|u| labelled("untangled", &untangling_in_words(u))).unwrap_or_default(),
         report.bottleneck.as_ref().map(|b| labelled("bottleneck", &bottleneck_in_words(b))).unwrap_or_default(),
         labelled("bijective", &bijective),
         labelled("stopped", &stop_in_words(report.stop, report.iterations)),
@@ -37,6 +39,60 @@ pub fn summary(report: &Report) -> String {
         report.warnings.iter().map(|warning| labelled("warning", warning)).collect(),
     ];
     blocks.concat()
+}
+
+fn splits_in_words(splits: Splits) -> String {
+    let text = format!(
+        "{} interior edges and {} interior faces between boundary vertices were split, so that no tet is locked; the mesh \
+         had {} tets (--keep-mesh leaves it as it is)",
+        splits.edges, splits.faces, splits.tets_before
+    );
+    labelled("", &text)
+}
+
+fn untangling_in_words(untangling: &UntanglingFigures) -> String {
+    let steps = format!("{} flipped at the start, {} steps", untangling.flipped_before, untangling.iterations);
+    if untangling.resisting.is_empty() {
+        return steps;
+    }
+    let list = |ids: Vec<u32>| {
+        let more = if ids.len() > 8 { ", ..." } else { "" };
+        ids.iter().take(8).map(u32::to_string).collect::<Vec<_>>().join(", ") + more
+    };
+    format!(
+        "{steps}; {} tets resist: {} (common vertices: {}); refine the mesh there, or move the star centre",
+        untangling.resisting.len(),
+        list(untangling.resisting.iter().map(|t| t.0).collect()),
+        list(untangling.common_vertices.iter().map(|v| v.0).collect())
+    )
+}
+
+/// The same for an optimised map of two given meshes.
+pub fn map_summary(report: &MapReport) -> String {
+    let mesh = format!(
+        "{} vertices ({} fixed), {} tets ({} locked)",
+        report.vertices, report.fixed, report.tets, report.locked
+    );
+    let bounds = if report.bounds.is_empty() {
+        labelled("bounds", "none: not every boundary vertex is fixed")
+    } else {
+        bounds_table(&report.bounds, report.best)
+    };
+    let blocks = [
+        labelled("mesh", &mesh),
+        report.splits.map(splits_in_words).unwrap_or_default(),
+        format!("\n{}\n", dilatations(&[("start", &report.initial), ("final", &report.last)])),
+        report.untangling.as_ref().map(|u| labelled("untangled", &untangling_in_words(u))).unwrap_or_default(),
+        labelled("active", &format!("{} tets within 0.1 % of the largest K", report.active)),
+        labelled("stopped", &stop_in_words(report.stop, report.iterations)),
+        labelled("time", &time_in_words(report.times)),
+        format!("\n{bounds}"),
+    ];
+    blocks.concat()
+}
+
+fn time_in_words(times: Times) -> String {
+    format!("{:.1} s on {} thread{}", times.seconds, times.threads, s(times.threads))
 }
 
 /// A label and its text, wrapped between words.
@@ -154,6 +210,7 @@ fn stop_in_words(stop: StopReason, iterations: usize) -> String {
         StopReason::TimeLimit => "time limit reached",
         StopReason::NoProgress => "no step lowered the objective",
         StopReason::NothingFree => "no vertex is free to move",
+        StopReason::StillFlipped => "tets of the start resisted untangling; nothing was optimized",
     };
     format!("{why} after {iterations} iteration{}", s(iterations))
 }

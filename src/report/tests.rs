@@ -55,6 +55,8 @@ fn write(flip: bool) -> (tempfile::TempDir, Report) {
         bottleneck: bottleneck(&domain, &after),
         best: BestBound::of(&bounds, after.summary.max_k),
         bounds,
+        splits: None,
+        untangling: None,
         stop: StopReason::Converged,
         iterations: 1,
         warnings: vec!["this is a test".into()],

@@ -149,6 +149,11 @@ pub fn read_tets(path: &Path) -> Result<TetSoup, ReadError> {
     }
 }
 
+/// Whether a file's ending is that of a surface format; any other is taken for a mesh's.
+pub fn holds_a_surface(path: &Path) -> bool {
+    SURFACE_ENDINGS.split(", ").any(|known| known[1..] == ending_of(path))
+}
+
 /// The file's ending in lower case, without the dot; empty if there is none.
 fn ending_of(path: &Path) -> String {
     path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default()

@@ -1,0 +1,107 @@
+//! `qcball optimize REST INIT OUT`: any start, any fixed vertices, any target.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use clap::Args;
+
+use super::output::print;
+use super::progress::Progress;
+use super::{Ending, Failure};
+use crate::experiment::{GivenMap, RunError, on_threads, optimize_map, read_locks};
+use crate::mesh::io::write_medit;
+use crate::optimize::{Engine, Objective, OptimizeSettings};
+use crate::report::{map_summary, to_json};
+
+/// The map and how it is improved.
+#[derive(Debug, Args)]
+pub(crate) struct OptimizeArguments {
+    /// The mesh of the domain.
+    rest: PathBuf,
+    /// The start: the same tets in the same order, other positions; flipped tets are untangled first.
+    init: PathBuf,
+    /// Where the optimized image goes; its format follows the ending.
+    out: PathBuf,
+    /// A file of the fixed vertices, counted from 0; by default those of the boundary.
+    #[arg(long, value_name = "FILE")]
+    lock: Option<PathBuf>,
+    /// Split no tet, even if all its vertices are fixed.
+    #[arg(long)]
+    keep_mesh: bool,
+    /// Minimize the soft maximum with this exponent instead of the largest K.
+    #[arg(long, value_name = "P", value_parser = positive)]
+    soft_max: Option<f64>,
+    /// Use argmin's L-BFGS instead of Newton for the soft maxima.
+    #[arg(long)]
+    lbfgs: bool,
+    /// Accuracy in ln K at which the last phase ends.
+    #[arg(long, default_value_t = OptimizeSettings::default().tolerance, value_parser = positive)]
+    tolerance: f64,
+    /// Most iterations over all phases.
+    #[arg(long, value_name = "N", default_value_t = OptimizeSettings::default().max_iterations)]
+    max_iterations: usize,
+    /// Most seconds of optimizing.
+    #[arg(long, value_name = "SECONDS", value_parser = positive)]
+    time_limit: Option<f64>,
+    /// Number of threads; 0 for all cores.
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u16).range(0..=1024))]
+    threads: u16,
+    /// No progress and no summary.
+    #[arg(long)]
+    quiet: bool,
+    /// Print the figures as JSON instead of the summary.
+    #[arg(long)]
+    json: bool,
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value > 0.0 && value < 1e9 => Ok(value),
+        _ => Err("give a positive number below 1e9".into()),
+    }
+}
+
+/// `qcball optimize`.
+pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure> {
+    let map = GivenMap::read(&arguments.rest, &arguments.init)?;
+    let fixed = match &arguments.lock {
+        Some(path) => Some(read_locks(path, map.image.len())?),
+        None => None,
+    };
+    let settings = OptimizeSettings {
+        objective: arguments.soft_max.map_or(Objective::Max, Objective::SoftMax),
+        engine: if arguments.lbfgs { Engine::Lbfgs } else { Engine::Newton },
+        tolerance: arguments.tolerance,
+        max_iterations: arguments.max_iterations,
+        time_limit: arguments.time_limit.map(Duration::from_secs_f64),
+    };
+    let progress = Progress::new(arguments.quiet);
+    let optimized = on_threads(usize::from(arguments.threads), || {
+        optimize_map(map, fixed, arguments.keep_mesh, &settings, &mut |row| progress.show(row))
+    })?;
+    progress.finish();
+    let origin = arguments.rest.display().to_string();
+    let optimized = optimized.map_err(RunError::at(&origin))?;
+    let tets = optimized.domain.mesh().tets();
+    let mut written = arguments.out.display().to_string();
+    if optimized.report.splits.is_some() {
+        // The image has vertices that REST lacks: the domain it belongs to goes beside it.
+        let domain = beside(&arguments.out);
+        write_medit(&domain, optimized.domain.mesh().points(), tets)?;
+        written = format!("{written}, the split domain in {}", domain.display());
+    }
+    write_medit(&arguments.out, &optimized.positions, tets)?;
+    if arguments.json {
+        print(&to_json(&optimized.report))?;
+    } else if !arguments.quiet {
+        print(&format!("{}image       {written}\n", map_summary(&optimized.report)))?;
+    }
+    Ok(if optimized.report.last.flipped == 0 { Ending::Done } else { Ending::Unfulfilled })
+}
+
+/// `image.mesh` -> `image-domain.mesh`.
+fn beside(out: &Path) -> PathBuf {
+    let stem = out.file_stem().unwrap_or_default().to_string_lossy();
+    let ending = out.extension().map(|ending| format!(".{}", ending.to_string_lossy())).unwrap_or_default();
+    out.with_file_name(format!("{stem}-domain{ending}"))
+}

@@ -1,0 +1,84 @@
+//! Why a run or an optimisation could not be made from its input.
+
+use std::path::PathBuf;
+
+use crate::map::RayError;
+use crate::mesh::io::ReadError;
+use crate::mesh::{MeshError, TopologyError};
+use crate::optimize::OptimizeError;
+use crate::solid::{CentreError, ShellError, SolidError, SurfaceError};
+
+/// What is wrong with the input of a run; found before any optimisation.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// A file cannot be read.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// A named solid cannot be made with its parameters.
+    #[error("the solid cannot be made: {0}")]
+    Solid(#[from] SolidError),
+    /// A stage refused what the solid or file gave it.
+    #[error("{origin}: {fault}")]
+    Fault {
+        /// The solid or its file.
+        origin: String,
+        /// What is wrong.
+        fault: Fault,
+    },
+    /// Two meshes do not belong together.
+    #[error(
+        "{} and {} are not meshes with the same connectivity: {difference}; a map is given by a mesh and the same mesh with \
+         moved vertices",
+        rest.display(),
+        image.display()
+    )]
+    Mismatch {
+        /// The domain's file.
+        rest: PathBuf,
+        /// The image's file.
+        image: PathBuf,
+        /// Where they differ.
+        difference: String,
+    },
+    /// The threads asked for cannot be had.
+    #[error("cannot start {threads} threads: {message}; ask for fewer")]
+    Threads {
+        /// How many were asked for.
+        threads: usize,
+        /// The system's word.
+        message: String,
+    },
+}
+
+/// What a stage can refuse.
+#[derive(Debug, thiserror::Error)]
+pub enum Fault {
+    /// The polygons are no closed surface.
+    #[error(transparent)]
+    Surface(#[from] SurfaceError),
+    /// There is no star centre, or not the one asked for.
+    #[error(transparent)]
+    Centre(#[from] CentreError),
+    /// No shell mesh.
+    #[error(transparent)]
+    Shell(#[from] ShellError),
+    /// The tets are no mesh.
+    #[error("{0} (tets and vertices are counted from 0)")]
+    Mesh(#[from] MeshError),
+    /// The mesh is not a ball.
+    #[error("{0} (vertices are counted from 0)")]
+    Topology(#[from] TopologyError),
+    /// A ray misses the boundary.
+    #[error(transparent)]
+    Ray(#[from] RayError),
+    /// The optimisation could not start.
+    #[error(transparent)]
+    Optimize(#[from] OptimizeError),
+}
+
+impl RunError {
+    /// Names the solid or file a fault was found in.
+    pub(crate) fn at<F: Into<Fault>>(origin: &str) -> impl Fn(F) -> Self {
+        move |fault| Self::Fault { origin: origin.to_string(), fault: fault.into() }
+    }
+}

@@ -1,0 +1,133 @@
+//! One run from plan to report: a call for each stage.
+
+mod error;
+mod optimize_map;
+mod start;
+
+use std::time::Instant;
+
+use crate::bound;
+use crate::config::{InitialMap, Plan};
+use crate::domain::Domain;
+use crate::map::{bijectivity, caraman};
+use crate::measure::{Measured, bottleneck, measure};
+use crate::mesh::{TetId, Vec3};
+use crate::optimize::{OptimizeSettings, Outcome, TraceRow, Untangled, optimize, untangle};
+use crate::report::{BestBound, DomainFigures, MapRecord, Report, Times, UntanglingFigures};
+
+pub use error::{Fault, RunError};
+pub use optimize_map::{GivenMap, OptimizedMap, optimize_map, read_locks};
+use start::Start;
+
+/// Relative distance below the largest K within which a tet counts as active.
+const ACTIVE: f64 = 1e-3;
+
+/// Everything a run leaves behind.
+#[derive(Debug)]
+pub struct Finished {
+    /// The record.
+    pub report: Report,
+    /// The domain.
+    pub domain: Domain,
+    /// Image positions of the radial map.
+    pub initial: Vec<Vec3>,
+    /// The optimised positions and the trace.
+    pub outcome: Outcome,
+    /// The radial map, measured.
+    pub measured_initial: Measured,
+    /// The optimised map, measured.
+    pub measured: Measured,
+    /// The tets that attain the largest K.
+    pub active: Vec<TetId>,
+}
+
+impl Finished {
+    /// The maps behind the report.
+    pub fn record(&self) -> MapRecord<'_> {
+        MapRecord {
+            domain: &self.domain,
+            initial: &self.initial,
+            image: &self.outcome.positions,
+            measured_initial: &self.measured_initial,
+            measured: &self.measured,
+            active: &self.active,
+            trace: &self.outcome.trace,
+        }
+    }
+}
+
+/// Runs a plan on as many threads as it asks for; `observe` sees every row of the trace as it comes.
+///
+/// # Errors
+/// What is wrong with the input, before any optimisation; how an optimisation ends is data in the report.
+pub fn run(plan: &Plan, observe: &mut (dyn FnMut(&TraceRow) + Send)) -> Result<Finished, RunError> {
+    on_threads(plan.threads.unwrap_or(0), || stages(plan, observe))?
+}
+
+/// Does a job on a pool of that many threads; 0 for all cores.
+///
+/// # Errors
+/// [`RunError::Threads`].
+pub fn on_threads<T: Send>(threads: usize, job: impl FnOnce() -> T + Send) -> Result<T, RunError> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    let pool = pool.map_err(|error| RunError::Threads { threads, message: error.to_string() })?;
+    Ok(pool.install(job))
+}
+
+fn stages(plan: &Plan, observe: &mut dyn FnMut(&TraceRow)) -> Result<Finished, RunError> {
+    let clock = Instant::now();
+    let Start { origin, domain, centre, coordinates, splits, warnings } = Start::of(plan)?;
+    let InitialMap::Radial { exponent } = plan.map;
+    let initial = caraman(&coordinates, exponent);
+    let measured_initial = measure(&domain, &initial);
+    let fixed = domain.boundary().vertex_mask();
+    let (untangled, outcome) =
+        untangle_and_optimize(&domain, &initial, fixed, &plan.optimize, observe).map_err(RunError::at(&origin))?;
+    let measured = measure(&domain, &outcome.positions);
+    let active = measured.active(ACTIVE);
+    let bounds = bound::all(&domain, &outcome.positions, Some(centre.position), true);
+    let bijectivity = bijectivity(&domain, &outcome.positions);
+    let report = Report {
+        name: plan.name.clone(),
+        version: Report::VERSION,
+        revision: Report::REVISION,
+        config: plan.source.path().display().to_string(),
+        config_hash: plan.source.hash().to_string(),
+        overrides: plan.source.overrides().map(String::from).collect(),
+        seed: plan.seed,
+        domain: DomainFigures::of(&domain, origin, Some(&centre)),
+        splits,
+        initial: measured_initial.summary.clone(),
+        untangling: UntanglingFigures::of(&domain, measured_initial.summary.flipped, &untangled),
+        last: measured.summary.clone(),
+        bijective: bijectivity.bijective,
+        bijective_reason: bijectivity.reason,
+        active: active.len(),
+        bottleneck: bottleneck(&domain, &measured),
+        best: BestBound::of(&bounds, measured.summary.max_k),
+        bounds,
+        stop: outcome.stop,
+        iterations: outcome.trace.len().saturating_sub(1),
+        warnings,
+        config_text: plan.source.text().to_string(),
+        times: Times { threads: rayon::current_num_threads(), seconds: clock.elapsed().as_secs_f64() },
+    };
+    Ok(Finished { report, domain, initial, outcome, measured_initial, measured, active })
+}
+
+/// Frees a start of flipped tets if it has any, then optimises; if some resist, the least flipped map is the outcome.
+fn untangle_and_optimize(
+    domain: &Domain,
+    start: &[Vec3],
+    fixed: &[bool],
+    settings: &OptimizeSettings,
+    observe: &mut dyn FnMut(&TraceRow),
+) -> Result<(Untangled, Outcome), Fault> {
+    let untangled = untangle(domain, start, fixed, settings.max_iterations, observe)?;
+    let outcome = if untangled.resisting.is_empty() {
+        optimize(domain, &untangled.positions, fixed, settings, observe)?
+    } else {
+        Outcome::still_flipped(untangled.positions.clone())
+    };
+    Ok((untangled, outcome))
+}

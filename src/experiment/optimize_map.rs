@@ -1,0 +1,161 @@
+//! Optimising a map given by two meshes, whatever its target: QIS's inputs work as they are.
+
+use std::path::Path;
+use std::time::Instant;
+
+use super::error::{Fault, RunError};
+use super::{ACTIVE, untangle_and_optimize};
+use crate::bound;
+use crate::domain::Domain;
+use crate::measure::measure;
+use crate::mesh::io::{ReadError, read_tets};
+use crate::mesh::{TetMesh, TetSoup, Vec3, full_boundary};
+use crate::optimize::{OptimizeSettings, TraceRow};
+use crate::report::{BestBound, MapReport, Splits, Times, UntanglingFigures};
+
+/// A map given by two files: a mesh and the same mesh with moved vertices.
+#[derive(Debug)]
+pub struct GivenMap {
+    /// The domain; of any topology.
+    pub domain: Domain,
+    /// Image positions.
+    pub image: Vec<Vec3>,
+    /// How many tets the domain's file stores with negative orientation; two vertices of each were exchanged.
+    pub exchanged: usize,
+}
+
+impl GivenMap {
+    /// Reads a mesh and its image. The map is given by the vertices: in which order a tet names its four is of no account
+    /// in either file, and a mesh of negative tets is taken like the same mesh turned positive.
+    ///
+    /// # Errors
+    /// A file that cannot be read, meshes of different connectivity, or a domain with a flat tet.
+    pub fn read(rest: &Path, image: &Path) -> Result<Self, RunError> {
+        let [first, second] = [read_tets(rest)?, read_tets(image)?];
+        if let Some(difference) = difference(&first, &second) {
+            return Err(RunError::Mismatch { rest: rest.into(), image: image.into(), difference });
+        }
+        let origin = rest.display().to_string();
+        let (mesh, exchanged) =
+            TetMesh::from_either_orientation(first.points, first.tets).map_err(RunError::at(&origin))?;
+        let domain = Domain::any_topology(mesh).map_err(RunError::at(&origin))?;
+        Ok(Self { domain, image: second.points, exchanged })
+    }
+}
+
+fn difference(rest: &TetSoup, image: &TetSoup) -> Option<String> {
+    let counts = |what: &str, a: usize, b: usize| (a != b).then(|| format!("the first has {a} {what}, the second {b}"));
+    counts("vertices", rest.points.len(), image.points.len())
+        .or_else(|| counts("tets", rest.tets.len(), image.tets.len()))
+        .or_else(|| {
+            let (tet, (a, b)) = rest.tets.iter().zip(&image.tets).enumerate().find(|(_, (a, b))| {
+                let (mut a, mut b) = (**a, **b);
+                a.sort_unstable();
+                b.sort_unstable();
+                a != b
+            })?;
+            // As the files count them.
+            let [a, b] = [a, b].map(|tet| tet.map(|v| u64::from(v.0) + 1));
+            Some(format!("tet {} has the vertices {a:?} in the first, {b:?} in the second (counted from 1)", tet + 1))
+        })
+}
+
+/// Reads which vertices are fixed: numbers counted from 0, separated by white space; `#` starts a comment. As in QIS, a first
+/// line with a comment holds the count of the numbers that follow.
+///
+/// # Errors
+/// What is no vertex number, with its line; a count that does not agree.
+pub fn read_locks(path: &Path, vertices: usize) -> Result<Vec<bool>, ReadError> {
+    let text = std::fs::read_to_string(path).map_err(|source| ReadError::Open { path: path.into(), source })?;
+    let malformed =
+        |line: usize, message: String| ReadError::Malformed { path: path.into(), line: Some(line), message };
+    let mut fixed = vec![false; vertices];
+    let (mut promised, mut found) = (None, 0);
+    for (number, line) in text.lines().enumerate() {
+        let (words, commented) = match line.split_once('#') {
+            Some((words, _)) => (words, true),
+            None => (line, false),
+        };
+        for word in words.split_whitespace() {
+            let value: usize = word.parse().map_err(|_| {
+                malformed(number + 1, format!("{word:?} is no vertex number; give whole numbers, counted from 0"))
+            })?;
+            if number == 0 && commented {
+                promised = Some(value);
+                continue;
+            }
+            let Some(slot) = fixed.get_mut(value) else {
+                let message = format!("vertex {value} does not exist; the mesh has {vertices}, counted from 0");
+                return Err(malformed(number + 1, message));
+            };
+            *slot = true;
+            found += 1;
+        }
+    }
+    match promised {
+        Some(count) if count != found => {
+            Err(malformed(1, format!("{count} vertices are promised, but {found} numbers follow")))
+        }
+        _ => Ok(fixed),
+    }
+}
+
+/// An optimised map.
+#[derive(Debug)]
+pub struct OptimizedMap {
+    /// The record.
+    pub report: MapReport,
+    /// The domain, split if locked tets had to be freed.
+    pub domain: Domain,
+    /// Image positions.
+    pub positions: Vec<Vec3>,
+}
+
+/// Moves the vertices of a map that `fixed` does not hold (the boundary's, if `None`); locked tets are freed by splits that
+/// leave the boundary as it is, unless `keep_mesh` or `fixed` is given.
+///
+/// # Errors
+/// A system that cannot be held, or a split that rounding made flat.
+pub fn optimize_map(
+    map: GivenMap,
+    fixed: Option<Vec<bool>>,
+    keep_mesh: bool,
+    settings: &OptimizeSettings,
+    observe: &mut dyn FnMut(&TraceRow),
+) -> Result<OptimizedMap, Fault> {
+    let clock = Instant::now();
+    let GivenMap { mut domain, mut image, .. } = map;
+    let mut splits = None;
+    if fixed.is_none() && !keep_mesh {
+        let full = full_boundary(domain.mesh(), domain.boundary())?;
+        if !full.parents.is_empty() {
+            let (edges, faces, tets_before) = (full.edge_splits, full.face_splits, domain.mesh().tets().len());
+            splits = Some(Splits { edges, faces, tets_before });
+            image = full.extend(image);
+            domain = Domain::any_topology(full.mesh)?;
+        }
+    }
+    let fixed = fixed.unwrap_or_else(|| domain.boundary().vertex_mask().to_vec());
+    let initial = measure(&domain, &image).summary;
+    let (untangled, outcome) = untangle_and_optimize(&domain, &image, &fixed, settings, observe)?;
+    let measured = measure(&domain, &outcome.positions);
+    let boundary_is_fixed = domain.boundary().vertex_mask().iter().zip(&fixed).all(|(&on, &fixed)| fixed || !on);
+    let bounds = if boundary_is_fixed { bound::all(&domain, &outcome.positions, None, false) } else { Vec::new() };
+    let report = MapReport {
+        vertices: domain.mesh().points().len(),
+        tets: domain.mesh().tets().len(),
+        locked: domain.mesh().tets().iter().filter(|tet| tet.iter().all(|v| fixed[v.index()])).count(),
+        fixed: fixed.iter().filter(|&&fixed| fixed).count(),
+        splits,
+        untangling: UntanglingFigures::of(&domain, initial.flipped, &untangled),
+        initial,
+        active: measured.active(ACTIVE).len(),
+        best: BestBound::of(&bounds, measured.summary.max_k),
+        bounds,
+        last: measured.summary,
+        stop: outcome.stop,
+        iterations: outcome.trace.len().saturating_sub(1),
+        times: Times { threads: rayon::current_num_threads(), seconds: clock.elapsed().as_secs_f64() },
+    };
+    Ok(OptimizedMap { report, domain, positions: outcome.positions })
+}
