@@ -167,6 +167,9 @@ pub fn optimize(
     let mut recorder = Recorder::new(domain, start, settings, observe);
     let end = if assembly.free().is_empty() {
         None
+    } else if settings.max_iterations == 0 {
+        // Phases look at the limit after their first step.
+        Some(PhaseEnd::Interrupted)
     } else {
         Some(continuation(&mut assembly, &mut image, settings, &mut recorder))
     };

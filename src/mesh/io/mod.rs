@@ -45,7 +45,7 @@ pub enum ReadError {
         path: PathBuf,
     },
     /// The file holds nothing.
-    #[error("{} is empty", path.display())]
+    #[error("{} is empty; export it again", path.display())]
     Empty {
         /// The file.
         path: PathBuf,
@@ -81,7 +81,7 @@ pub enum ReadError {
         message: String,
     },
     /// A coordinate is NaN or infinite.
-    #[error("{}: vertex {vertex} (counted from 0) has a coordinate that is not finite", place(path, *line))]
+    #[error("{}: vertex {vertex} (counted from 0) has a coordinate that is not finite; give it numbers", place(path, *line))]
     NotFinite {
         /// The file.
         path: PathBuf,
@@ -92,7 +92,8 @@ pub enum ReadError {
     },
     /// A face or cell names a vertex that does not exist.
     #[error(
-        "{}: face {face} (counted from 0) names vertex {index}, but the file has {count} vertices, numbered from {first}",
+        "{}: face {face} (counted from 0) names vertex {index}, but the file has {count} vertices, numbered from {first}; \
+         correct it, or export the file again",
         place(path, *line)
     )]
     IndexOutOfRange {
