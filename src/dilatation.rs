@@ -2,8 +2,7 @@
 
 use serde::Serialize;
 
-use crate::linalg::svd;
-use crate::mesh::Mat3;
+use crate::linalg::{Mat3, svd};
 
 /// Inner and outer dilatation of an orientation-preserving linear map; both scale-free ratios in `[1, inf]`.
 ///

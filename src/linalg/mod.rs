@@ -5,3 +5,8 @@ mod svd;
 
 pub use sparse::{BlockCholesky, SparseError};
 pub use svd::{Svd, svd};
+
+/// A point or vector of three-space.
+pub type Vec3 = nalgebra::Vector3<f64>;
+/// A 3x3 matrix.
+pub type Mat3 = nalgebra::Matrix3<f64>;

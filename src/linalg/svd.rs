@@ -1,6 +1,6 @@
 //! Singular value decomposition of 3x3 matrices: sorted, signed, accurate to the last bits.
 
-use crate::mesh::{Mat3, Vec3};
+use super::{Mat3, Vec3};
 
 /// `a = left * diag(values) * right^T` with rotations `left` and `right`.
 #[derive(Clone, Copy, Debug, PartialEq)]

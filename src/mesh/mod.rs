@@ -25,10 +25,7 @@ pub(crate) use view::View;
 
 use serde::Serialize;
 
-/// A point or vector of three-space.
-pub type Vec3 = nalgebra::Vector3<f64>;
-/// A 3x3 matrix.
-pub type Mat3 = nalgebra::Matrix3<f64>;
+pub use crate::linalg::{Mat3, Vec3};
 
 /// Index of a vertex, counted from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]

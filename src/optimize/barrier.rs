@@ -19,9 +19,9 @@ const WEIGHT_RATIO: f64 = 1.0 / 0.3;
 const CENTRED: f64 = 0.15;
 /// Most Newton steps a stage: where the projected Hessian is far from the true one a stage converges slowly, and the
 /// next one gains more.
-const STAGE_STEPS: usize = 15;
+const STAGE_STEPS: usize = 60;
 /// Distance (in ln K) of the first bound above the present max K.
-const FIRST_SLACK: f64 = 0.003;
+const FIRST_SLACK: f64 = 0.0005;
 
 /// A Newton step in positions and bound.
 struct Step {
@@ -125,6 +125,8 @@ fn newton_step(
     }
 }
 
+/// Halves the Newton step until it passes Armijo's rule, or doubles it as long as that lowers the objective further: where the
+/// damped Hessian is far above the true one the step is too short by any factor.
 fn line_search(
     assembly: &Assembly<'_>,
     image: &[Vec3],
@@ -133,14 +135,22 @@ fn line_search(
     step: &Step,
 ) -> Option<(f64, Vec<Vec3>, f64)> {
     let total = step.value + weight * bound;
-    let mut length = 1.0;
-    for _ in 0..HALVINGS {
+    let attempt = |length: f64| {
         let trial = moved(assembly, image, &step.direction, length);
         let trial_bound = bound + length * step.bound_direction;
-        if let Some(value) = assembly.value(&Barrier { bound: trial_bound }, &trial)
-            && value + weight * trial_bound <= total + ARMIJO * length * step.slope
-        {
-            return Some((length, trial, trial_bound));
+        let value = assembly.value(&Barrier { bound: trial_bound }, &trial)? + weight * trial_bound;
+        (value <= total + ARMIJO * length * step.slope).then_some((value, (length, trial, trial_bound)))
+    };
+    let mut length = 1.0;
+    for _ in 0..HALVINGS {
+        if let Some((mut value, mut accepted)) = attempt(length) {
+            while accepted.0 >= 1.0
+                && let Some((longer_value, longer)) = attempt(2.0 * accepted.0)
+                && longer_value < value
+            {
+                (value, accepted) = (longer_value, longer);
+            }
+            return Some(accepted);
         }
         length *= 0.5;
     }
