@@ -79,3 +79,16 @@ fn every_config_has_its_summary_committed() {
         assert!(summary.contains("bijective   yes"), "{name}: {summary}");
     }
 }
+
+#[test]
+fn the_readme_shows_what_the_cube_prints() {
+    let readme = fs::read_to_string(root().join("README.md")).unwrap();
+    let committed = fs::read_to_string(root().join("results/cube/summary.txt")).unwrap();
+    let start = readme.find("```text\nrun         cube").expect("the README shows a run");
+    let shown = readme[start..].lines().skip(1).take_while(|line| *line != "```");
+    // The time and the folder are of the terminal alone; brackets stand for what is left out.
+    let own = ["time ", "results ", "["];
+    for line in shown.filter(|line| !own.iter().any(|start| line.starts_with(start))) {
+        assert!(committed.lines().any(|other| other == line), "{line} is not in results/cube/summary.txt");
+    }
+}
