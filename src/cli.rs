@@ -14,7 +14,7 @@ use clap_complete::Shell;
 use crate::config::{ConfigError, Plan, schema};
 use crate::experiment::{self, RunError};
 use crate::mesh::io::{ReadError, WriteError, check_folder_is_writable};
-use crate::report::{summary, write_results};
+use crate::report::{summary, time_line, write_results};
 use output::{print, show_error};
 use progress::Progress;
 
@@ -144,7 +144,8 @@ fn run(arguments: &RunArguments) -> Result<Ending, Failure> {
     if arguments.json {
         print(&finished.report.to_json())?;
     } else if !arguments.quiet {
-        print(&format!("{}results     {}\n", summary(&finished.report), folder.display()))?;
+        let (summary, time) = (summary(&finished.report), time_line(finished.report.times));
+        print(&format!("{summary}{time}results     {}\n", folder.display()))?;
     }
     Ok(if finished.report.bijective { Ending::Done } else { Ending::Unfulfilled })
 }

@@ -77,8 +77,91 @@ fn configs() -> Vec<Case> {
     ]
 }
 
+/// The corners of a block of three by one by three with a slot, U-shaped seen along y, and its eight sides and six caps.
+fn u_block() -> String {
+    let outline = [[0, 0], [3, 0], [3, 3], [2, 3], [2, 1], [1, 1], [1, 3], [0, 3]];
+    let mut text: String = [0, 1].map(|y| outline.map(|[x, z]| format!("v {x} {y} {z}\n")).concat()).concat();
+    for (i, next) in (1..=8).zip([2, 3, 4, 5, 6, 7, 8, 1]) {
+        text += &format!("f {i} {} {} {next}\n", i + 8, next + 8);
+    }
+    for cap in [[1, 2, 5, 6], [2, 3, 4, 5], [1, 6, 7, 8]] {
+        let [a, b, c, d] = cap;
+        text += &format!("f {a} {b} {c} {d}\nf {} {} {} {}\n", d + 8, c + 8, b + 8, a + 8);
+    }
+    text
+}
+
+/// The cube [0, 1]^3 in 8 `v` lines and 6 `f` lines.
+const BLOCK: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nv 0 0 1\nv 1 0 1\nv 0 1 1\nv 1 1 1\n\
+                     f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n";
+
+/// `text` as the file that a config names as its domain, and what the error says after the file's name.
+fn surface(name: &str, text: &str, words: &[&str]) -> Case {
+    surface_about("\"kernel\"", name, text, words)
+}
+
+fn surface_about(centre: &str, name: &str, text: &str, words: &[&str]) -> Case {
+    let config = format!("[domain]\nfile = \"{name}\"\ncentre = {centre}\n");
+    let start = format!("error: {name}");
+    case("run a.toml", &[("a.toml", &config), (name, text)], &[&[start.as_str()], words].concat())
+}
+
+fn surfaces() -> Vec<Case> {
+    let block = |words: &[&str], change: &dyn Fn(&str) -> String| surface("b.obj", &change(BLOCK), words);
+    let apart = BLOCK.replace("v 0", "v 5").replace("v 1", "v 6");
+    let second = BLOCK.lines().filter(|line| line.starts_with('f')).map(|line| {
+        let corners = line.split(' ').skip(1).map(|word| (word.parse::<u32>().unwrap() + 8).to_string());
+        format!("f {}\n", corners.collect::<Vec<_>>().join(" "))
+    });
+    let two = format!("{BLOCK}{}{}", &apart[..apart.find('f').unwrap()], second.collect::<String>());
+    vec![
+        surface("b.obj", "", &["is empty", "export it again"]),
+        surface("b.obj", "garbage\n", &["no faces", "export the surface"]),
+        surface("b.obj", &BLOCK[..BLOCK.find('f').unwrap()], &["no faces", "export the surface"]),
+        surface("b.off", "garbage\n", &["b.off:1: expected `OFF`"]),
+        surface("b.ply", "garbage\n", &["b.ply:1: the first line must be \"ply\""]),
+        surface("b.stl", "garbage\n", &["neither \"solid\" at the start nor the 84 bytes of a binary header"]),
+        surface("b.xyz", BLOCK, &["unknown file ending \"xyz\"", ".obj"]),
+        block(&[":14: face 5", "vertex 9", "8 vertices", "correct it"], &|t| t.replace("2 4 8 6", "2 4 9 6")),
+        block(&[":8: vertex 7", "not finite", "give it numbers"], &|t| t.replace("v 1 1 1", "v 1 nan 1")),
+        block(&[":8: vertex 7", "needs three numbers"], &|t| t.replace("v 1 1 1", "v 1 one 1")),
+        block(&["is not closed: 4 edges", "[1.0, 0.0, 0.0]", "fill the holes"], &|t| t.replace("f 2 4 8 6\n", "")),
+        block(&["in the same direction", "reverse the vertex order"], &|t| t.replace("2 4 8 6", "6 8 4 2")),
+        block(&["polygon 6", "on one line", "counted from 0"], &|t| format!("{t}v 0.5 0 0\nf 1 9 2\n")),
+        block(&["polygon 6", "names vertex 0 twice", "remove"], &|t| format!("{t}f 1 1 2\n")),
+        block(&["polygon 1", "is not flat; triangulate it"], &|t| t.replace("v 1 1 1", "v 1 1 1.5")),
+        block(&["share the edge", "keep two"], &|t| format!("{t}v 2 2 2\nf 1 2 9\n")),
+        surface("b.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 3 2 1\n", &["encloses no volume"]),
+        surface("b.obj", &two, &["2 separate pieces", "12 triangles at [0.0000, 0.0000, 0.0000]", "keep one"]),
+        // The walls of the slot, x = 1 and x = 2, exclude each other.
+        surface("b.obj", &u_block(), &["not star-shaped", "[2.0000, ", "[1.0000, ", "star-shaped parts"]),
+        surface_about(
+            "[3, 0.5, 0.5]",
+            "b.obj",
+            BLOCK,
+            &[
+                "not star-shaped about [3.0, 0.5, 0.5]: 2 triangles",
+                "[10, 11]",
+                "nearest centre that works",
+                "\"kernel\"",
+            ],
+        ),
+        config("[domain]\nsolid = \"torus\"", &["torus with radii 2 and 1", "1 handle"]),
+        config(
+            &format!("{CUBE}centre = [2, 0, 0]\n"),
+            &["cube: the solid is not star-shaped about [2.0, 0.0, 0.0]", "nearest centre that works"],
+        ),
+        config(
+            &format!("{CUBE}[mesh]\nsubdivisions = 1000\nlayers = 10000\n"),
+            &["cube: the shell mesh would have 1439904000000 tets", "fewer layers"],
+        ),
+    ]
+}
+
 fn command_lines() -> Vec<Case> {
     vec![
+        case("run b.obj", &[("b.obj", BLOCK)], &["b.obj:1", "a config is a TOML file", "file = \"b.obj\""]),
+        case("run b.stl", &[("b.stl", "\u{0}")], &["b.stl", "a config is a TOML file", "file = \"b.stl\""]),
         case("", &[], &["Usage"]),
         case("rum a.toml", &[], &["run"]),
         case("run", &[], &["CONFIG"]),
@@ -136,7 +219,7 @@ fn meshes() -> Vec<Case> {
 
 #[test]
 fn bad_input_is_refused_and_nothing_written() {
-    for case in [configs(), command_lines(), results_folders(), meshes()].into_iter().flatten() {
+    for case in [configs(), surfaces(), command_lines(), results_folders(), meshes()].into_iter().flatten() {
         let folder = tempfile::tempdir().unwrap();
         for (path, bytes) in &case.files {
             let path = folder.path().join(path);

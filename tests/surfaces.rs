@@ -3,9 +3,10 @@
 use std::f64::consts::PI;
 use std::path::Path;
 
-use qcball::mesh::Vec3;
+use qcball::Domain;
 use qcball::mesh::io::read_surface;
-use qcball::solid::{CentreChoice, FeatureAngles, Features, StarKernel, Surface, radial_max_dilatation, star_centre};
+use qcball::mesh::{BoundaryEdges, Features, Vec3};
+use qcball::solid::{CentreChoice, ShellSettings, StarKernel, Surface, radial_max_dilatation, shell_mesh, star_centre};
 
 #[test]
 fn the_gem_is_a_star_shaped_non_convex_polyhedron() {
@@ -14,12 +15,17 @@ fn the_gem_is_a_star_shaped_non_convex_polyhedron() {
     assert_eq!((soup.points.len(), soup.polygons.len()), (31, 31));
     let gem = Surface::from_soup(soup).unwrap();
     assert_eq!((gem.genus(), gem.was_inside_out()), (0, false));
-    assert_eq!(Features::of(&gem, &FeatureAngles::default()).face_count(), 31);
     // The six upright inner edges of the girdle are concave, and no others.
     let concave = gem.edges().iter().filter(|edge| gem.dihedral_angle(edge) > PI + 1e-6).count();
     assert_eq!(concave, 6);
 
     let kernel = StarKernel::of(&gem).unwrap();
+    let settings = ShellSettings { subdivisions: 1, refinement: None, layers: 1, grading: 1.0 };
+    let domain = Domain::new(shell_mesh(&gem, kernel.centre, &settings).unwrap().mesh).unwrap();
+    let (mesh, boundary) = (domain.mesh(), domain.boundary());
+    // The fans of the kites and quadrilaterals are one flat face each.
+    assert_eq!(Features::of(mesh, boundary, &BoundaryEdges::of(mesh, boundary)).flat_faces(), 31);
+
     // By symmetry the centre is on the axis; the largest ball touches the girdle's walls from tip (1.5, 0) to inner corner
     // (cos 30, sin 30), whose planes are all upright: the distance of the axis from them.
     let wall = 1.5 * 0.5 / (1.5f64 - 0.75f64.sqrt()).hypot(0.5);

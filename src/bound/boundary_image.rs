@@ -1,10 +1,10 @@
 //! The image of the boundary, and how far it determines the angles inside.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 
 use crate::domain::Domain;
-use crate::mesh::angle::{Angle, tet_solid_angle};
-use crate::mesh::{BoundaryEdges, Orientation, Vec3, VertexId, orientation};
+use crate::mesh::angle::Angle;
+use crate::mesh::{BoundaryEdges, Vec3, View};
 
 /// The image positions of the boundary vertices; those of interior vertices are never read.
 ///
@@ -27,7 +27,10 @@ impl<'a> BoundaryImage<'a> {
         let vertices = positions.iter().zip(on_boundary).filter(|(_, on)| **on).map(|(p, _)| p);
         let mean = vertices.clone().sum::<Vec3>() / vertices.count() as f64;
         let injective = edges.left_out().is_empty()
-            && [Vec3::zeros(), mean].iter().any(|centre| is_star_shaped(domain, positions, centre));
+            && [Vec3::zeros(), mean].iter().any(|centre| {
+                let triangles = domain.boundary().triangles().iter();
+                View::from(centre, triangles.map(|triangle| triangle.map(|v| &positions[v.index()]))) == View::Covers(1)
+            });
         Self { positions, injective }
     }
 
@@ -70,23 +73,10 @@ pub(super) fn factor(image: Angle, domain: Angle) -> f64 {
     quotient(image, domain).max(quotient(domain, image)).max(1.0)
 }
 
-/// Whether a closed surface is star-shaped about a point: every triangle faces away from it, by exact predicate, and
-/// together they are seen under one full solid angle (a surface wound n times around has n of them).
-fn is_star_shaped(domain: &Domain, positions: &[Vec3], centre: &Vec3) -> bool {
-    let mut seen = Angle::ZERO;
-    for triangle in domain.boundary().triangles() {
-        let [a, b, c] = triangle.map(|v: VertexId| &positions[v.index()]);
-        let finite = [centre, a, b, c].iter().all(|p| p.iter().all(|x| x.is_finite()));
-        if !finite || orientation([centre, a, b, c]) != Orientation::Positive {
-            return false;
-        }
-        seen = seen + tet_solid_angle(centre, [a, b, c]);
-    }
-    seen.upper() < 6.0 * PI
-}
-
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::PI;
+
     use super::*;
     use crate::mesh::fixtures::{cube, fan};
 

@@ -12,12 +12,14 @@ use miette::{Diagnostic, NamedSource, SourceSpan};
 pub enum ConfigError {
     /// The operating system refused: no such file, a directory, not UTF-8.
     #[error("cannot read the config {}: {source}", path.display())]
-    #[diagnostic(help("name a TOML file; the least one has is\n{EXAMPLE}"))]
     Read {
         /// The file.
         path: PathBuf,
         /// The system's reason.
         source: io::Error,
+        /// What to do.
+        #[help]
+        help: String,
     },
     /// The file's text is at fault.
     #[error("{}{}: {message}", path.display(), line.map(|l| format!(":{l}")).unwrap_or_default())]
@@ -53,6 +55,17 @@ pub enum ConfigError {
 
 /// A config that can be run, as short as they come.
 pub(super) const EXAMPLE: &str = "[domain]\nsolid = \"cube\"      # or: file = \"part.obj\"\ncentre = \"kernel\"";
+
+/// What to do where there is no config.
+pub(super) fn least_config() -> String {
+    format!("name a TOML file; the least one has is\n{EXAMPLE}")
+}
+
+/// What to do with a file that does not even claim to be a config: most likely the solid itself was named.
+pub(super) fn not_a_config(path: &Path) -> String {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    format!("a config is a TOML file; if {name} is the solid, write a config beside it:\n[domain]\nfile = {name:?}")
+}
 
 /// A fault of some key, before it is known whether the file or an override set it.
 #[derive(Debug)]

@@ -8,7 +8,7 @@ use serde::Deserialize;
 use toml::de::{DeTable, DeValue};
 
 use super::Config;
-use super::error::{ConfigError, Fault, reworded};
+use super::error::{ConfigError, Fault, least_config, not_a_config, reworded};
 
 /// A config file as read, with the overrides that were applied to it.
 #[derive(Clone, Debug)]
@@ -32,11 +32,15 @@ impl ConfigSource {
     /// A fault of the file, which must hold known keys and right types by itself, or of the first override that brings
     /// in a wrong key or type.
     pub fn read(path: &Path, overrides: &[String]) -> Result<(Self, Config), ConfigError> {
-        let text = fs::read_to_string(path).map_err(|source| ConfigError::Read { path: path.to_path_buf(), source })?;
+        let text = fs::read_to_string(path).map_err(|source| {
+            let help = if is_toml(path) || !path.is_file() { least_config() } else { not_a_config(path) };
+            ConfigError::Read { path: path.to_path_buf(), source, help }
+        })?;
         let fault = |error: toml::de::Error| {
             let span = error.span();
             let key = span.as_ref().and_then(|span| key_at(&text, span));
             let (message, help) = reworded(error.message(), key.as_deref());
+            let help = if is_toml(path) { help } else { not_a_config(path) };
             ConfigError::content(path, &text, span, message, help)
         };
         let mut config: Config = toml::from_str(&text).map_err(fault)?;
@@ -109,6 +113,11 @@ impl ConfigSource {
             None => ConfigError::content(&self.path, &self.text, span_of(&self.text, &key), message, help),
         }
     }
+}
+
+/// Whether a file means to be a config.
+fn is_toml(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml"))
 }
 
 /// What stands after the `=` of an override: TOML if it is, else a string, so that quotes may be left out.

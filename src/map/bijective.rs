@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::domain::Domain;
-use crate::mesh::{Orientation, TetId, Vec3, orientation};
+use crate::mesh::{Orientation, TetId, Vec3, View, orientation};
 
 /// Whether a map is bijective, with the reason.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -22,7 +22,6 @@ pub struct Bijectivity {
 /// and each of its points is covered by positive tets only, hence exactly once.
 pub fn bijectivity(domain: &Domain, image: &[Vec3]) -> Bijectivity {
     let no = |reason: String| Bijectivity { bijective: false, reason };
-    let origin = Vec3::zeros();
     let flipped = domain
         .mesh()
         .tets()
@@ -32,32 +31,21 @@ pub fn bijectivity(domain: &Domain, image: &[Vec3]) -> Bijectivity {
     if flipped > 0 {
         return no(format!("{flipped} tets are flipped or flat in the image"));
     }
-    let mut angle = 0.0;
-    for (index, triangle) in domain.boundary().triangles().iter().enumerate() {
-        let corners = triangle.map(|v| &image[v.index()]);
-        if orientation([&origin, corners[0], corners[1], corners[2]]) != Orientation::Positive {
-            let TetId(tet) = domain.boundary().owners()[index];
+    let boundary = domain.boundary();
+    let triangles = boundary.triangles().iter().map(|triangle| triangle.map(|v| &image[v.index()]));
+    match View::from(&Vec3::zeros(), triangles) {
+        View::FacesAway(index) => {
+            let TetId(tet) = boundary.owners()[index];
             return no(format!("the boundary image is not star-shaped about 0: its triangle of tet {tet} faces away"));
         }
-        angle += solid_angle(corners);
-    }
-    // The sum is a multiple of 4 pi, so half of that is a wide margin for rounding.
-    let sheets = (angle / (4.0 * std::f64::consts::PI)).round();
-    if sheets != 1.0 {
-        return no(format!("the boundary image covers the sphere {sheets} times"));
+        View::Covers(1) => {}
+        View::Covers(times) => return no(format!("the boundary image covers the sphere {times} times")),
     }
     Bijectivity {
         bijective: true,
         reason: "every tet is positively oriented by exact predicate and the boundary image is star-shaped about 0"
             .into(),
     }
-}
-
-/// The solid angle of a triangle seen from 0 (van Oosterom and Strackee 1983), steradians, positive if 0 sees its back.
-fn solid_angle([a, b, c]: [&Vec3; 3]) -> f64 {
-    let (la, lb, lc) = (a.norm(), b.norm(), c.norm());
-    let numerator = a.dot(&b.cross(c));
-    2.0 * numerator.atan2(la * lb * lc + a.dot(b) * lc + a.dot(c) * lb + b.dot(c) * la)
 }
 
 #[cfg(test)]

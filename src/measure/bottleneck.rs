@@ -1,5 +1,7 @@
 //! The feature of the domain on which the worst cells sit.
 
+use std::mem::discriminant;
+
 use serde::Serialize;
 
 use super::Measured;
@@ -21,6 +23,9 @@ pub struct Bottleneck {
     pub tet: TetId,
     /// How many cells have a K within 0.1 % of the largest.
     pub active: usize,
+    /// On how many features of the same kind as `place` active cells sit: all corners of a symmetric solid, say. 1 if the
+    /// active cells are inside.
+    pub places: usize,
 }
 
 /// How telling a feature is; the least is reported, ties by the index of the vertex, edge or triangle.
@@ -56,15 +61,17 @@ pub fn bottleneck(domain: &Domain, measured: &Measured) -> Option<Bottleneck> {
     }
 
     let active = measured.active(ACTIVE);
-    let at_boundary = active
+    let mut at_boundary: Vec<(Rank, TetId)> = active
         .iter()
         .filter_map(|&tet| {
             let corners = mesh.tets()[tet.index()];
             let best = corners.iter().filter_map(|v| sharpest[v.index()]).min()?;
             Some((own_sharp_edge(&corners, &edges, &features).map_or(best, |own| preferred(best, own)), tet))
         })
-        .min();
-    let (rank, tet, interior) = match at_boundary {
+        .collect();
+    at_boundary.sort_unstable();
+    at_boundary.dedup_by_key(|(rank, _)| *rank);
+    let (rank, tet, interior) = match at_boundary.first().copied() {
         Some((rank, tet)) => (rank, tet, false),
         None => {
             let (tet, _) =
@@ -83,7 +90,8 @@ pub fn bottleneck(domain: &Domain, measured: &Measured) -> Option<Bottleneck> {
         Rank::SharpEdge(index) => Place::edge(mesh, edges.edges()[index].ends),
         Rank::Face(index) => Place::face(mesh, boundary.triangles()[index]),
     };
-    Some(Bottleneck { place, interior, tet, active: active.len() })
+    let alike = at_boundary.iter().filter(|(other, _)| discriminant(other) == discriminant(&rank)).count();
+    Some(Bottleneck { place, interior, tet, active: active.len(), places: alike.max(1) })
 }
 
 /// The first sharp boundary edge that is an edge of the cell itself.
@@ -124,13 +132,21 @@ mod tests {
         let tets = domain.mesh().tets();
         for (index, tet) in tets.iter().enumerate() {
             let found = bottleneck(&domain, &worst_at(&domain, index)).unwrap();
-            assert_eq!((found.tet.index(), found.active), (index, 1));
+            assert_eq!((found.tet.index(), found.active, found.places), (index, 1, 1));
             assert_eq!(found.interior, features(tet) == 0);
             // Every boundary vertex of this mesh is a corner of the cube.
             let Place::Vertex { vertex, .. } = found.place else { panic!("{found:?}") };
             let lowest = tet.iter().map(|v| v.0).min().unwrap();
             assert!(found.interior || vertex == lowest);
         }
+    }
+
+    #[test]
+    fn all_corners_of_a_symmetric_map_are_counted() {
+        // The identity: every cell attains K = 1, so all eight corners are places.
+        let domain = domain();
+        let found = bottleneck(&domain, &measure(&domain, domain.mesh().points())).unwrap();
+        assert_eq!((found.active, found.places), (domain.mesh().tets().len(), 8));
     }
 
     #[test]

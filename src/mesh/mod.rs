@@ -11,6 +11,7 @@ pub mod io;
 mod place;
 mod quality;
 mod tet_mesh;
+mod view;
 
 pub(crate) use boundary::DisjointSets;
 pub use boundary::{Boundary, TopologyError};
@@ -20,6 +21,7 @@ pub use full_boundary::{FullBoundary, full_boundary};
 pub use place::Place;
 pub use quality::smallest_dihedral_angle;
 pub use tet_mesh::{MeshError, Orientation, TetMesh, orientation};
+pub(crate) use view::View;
 
 use serde::Serialize;
 

@@ -207,7 +207,12 @@ pub fn optimize(
     if assembly.free().is_empty() {
         return Ok(Outcome { positions: image, stop: StopReason::NothingFree, kkt: None, trace: recorder.rows });
     }
-    let (end, kkt) = continuation(&mut assembly, &mut image, settings, &mut recorder);
+    // Phases look at the limit after their first step.
+    let (end, kkt) = if settings.max_iterations == 0 {
+        (PhaseEnd::Interrupted, None)
+    } else {
+        continuation(&mut assembly, &mut image, settings, &mut recorder)
+    };
     let mut stop = match end {
         PhaseEnd::Converged if kkt.is_some_and(|kkt| kkt.largest() <= OPTIMAL) => StopReason::Optimal,
         PhaseEnd::Converged => StopReason::Converged,

@@ -9,7 +9,7 @@ pub use figures::{BestBound, DomainFigures, Splits, UntanglingFigures};
 pub use map_report::MapReport;
 pub use results::{MapRecord, write_results};
 pub(crate) use summary::{bounds_table, dilatations};
-pub use summary::{map_summary, summary};
+pub use summary::{map_summary, summary, time_line};
 
 use serde::Serialize;
 

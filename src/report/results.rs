@@ -5,8 +5,8 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::Report;
 use super::figures::boundary_flags;
+use super::{Report, summary};
 use crate::dilatation::Dilatation;
 use crate::domain::Domain;
 use crate::measure::Measured;
@@ -33,7 +33,8 @@ pub struct MapRecord<'a> {
     pub trace: &'a [TraceRow],
 }
 
-/// Writes `report.json`, `trace.csv`, `cells.csv`, `domain.vtu` and `image.vtu` into `folder`, made if missing.
+/// Writes `report.json`, `summary.txt`, `trace.csv`, `cells.csv`, `domain.vtu` and `image.vtu` into `folder`, made if
+/// missing.
 ///
 /// The report comes last: where it stands, the rest does.
 ///
@@ -56,6 +57,7 @@ pub fn write_results(folder: &Path, report: &Report, record: &MapRecord) -> Resu
         ];
         write_vtu(&folder.join(name), shown, record.domain.mesh().tets(), &point_data, &data)?;
     }
+    write_atomically(&folder.join("summary.txt"), |file| file.write_all(summary(report).as_bytes()))?;
     write_atomically(&folder.join("report.json"), |file| file.write_all(report.to_json().as_bytes()))
 }
 

@@ -9,22 +9,22 @@ use crate::optimize::StopReason;
 /// The width that a text is wrapped to.
 const COLUMNS: usize = 80;
 
-/// The report in words and aligned numbers, some 80 columns wide, without colour.
+/// The report in words and aligned numbers, some 80 columns wide, without colour and without anything that differs from one
+/// run to the next.
 pub fn summary(report: &Report) -> String {
     let domain = &report.domain;
-    let centre = domain.centre.map(|[x, y, z]| {
+    let centre = domain.centre.map(|position| {
         let radius = domain.kernel_radius.map(|r| format!(", kernel radius {r:.4}")).unwrap_or_default();
         let angle = domain.smallest_angle.map(|a| format!(", rays meet faces at {a:.2} degrees or more"));
-        format!("({x:.4}, {y:.4}, {z:.4}){radius}{}", angle.unwrap_or_default())
+        format!("{}{radius}{}", point(position), angle.unwrap_or_default())
     });
     let mesh = format!(
         "{} vertices ({} on the boundary), {} tets ({} locked), smallest dihedral angle {:.2} degrees",
         domain.vertices, domain.boundary_vertices, domain.tets, domain.locked, domain.smallest_dihedral_angle
     );
     let bijective = format!("{}: {}", if report.bijective { "yes" } else { "no" }, report.bijective_reason);
-    let time = time_in_words(report.times);
     let blocks = [
-        labelled("run", &format!("{} ({})", report.name, report.config)),
+        labelled("run", &format!("{} ({})", report.name, command_in_words(report))),
         labelled("solid", &domain.solid),
         centre.map(|centre| labelled("centre", &centre)).unwrap_or_default(),
         labelled("mesh", &mesh),
@@ -34,7 +34,6 @@ pub fn summary(report: &Report) -> String {
         report.bottleneck.as_ref().map(|b| labelled("bottleneck", &bottleneck_in_words(b))).unwrap_or_default(),
         labelled("bijective", &bijective),
         labelled("stopped", &stop_in_words(report.stop, report.iterations)),
-        labelled("time", &time),
         format!("\n{}", bounds_table(&report.bounds, report.best)),
         report.warnings.iter().map(|warning| labelled("warning", warning)).collect(),
     ];
@@ -85,14 +84,21 @@ pub fn map_summary(report: &MapReport) -> String {
         report.untangling.as_ref().map(|u| labelled("untangled", &untangling_in_words(u))).unwrap_or_default(),
         labelled("active", &format!("{} tets within 0.1 % of the largest K", report.active)),
         labelled("stopped", &stop_in_words(report.stop, report.iterations)),
-        labelled("time", &time_in_words(report.times)),
+        time_line(report.times),
         format!("\n{bounds}"),
     ];
     blocks.concat()
 }
 
-fn time_in_words(times: Times) -> String {
-    format!("{:.1} s on {} thread{}", times.seconds, times.threads, s(times.threads))
+/// How long a run took, as a line to follow its [`summary`].
+pub fn time_line(times: Times) -> String {
+    labelled("time", &format!("{:.1} s on {} thread{}", times.seconds, times.threads, s(times.threads)))
+}
+
+/// The config with its overrides, as they were typed.
+fn command_in_words(report: &Report) -> String {
+    let overrides: String = report.overrides.iter().map(|assignment| format!(" --set {assignment}")).collect();
+    report.config.clone() + &overrides
 }
 
 /// A label and its text, wrapped between words.
@@ -189,29 +195,38 @@ fn s(count: usize) -> &'static str {
 }
 
 fn bottleneck_in_words(bottleneck: &Bottleneck) -> String {
-    let at = |[x, y, z]: [f64; 3]| format!("({x:.4}, {y:.4}, {z:.4})");
-    let place = match &bottleneck.place {
-        Place::Vertex { vertex, position } => format!("vertex {vertex} at {}", at(*position)),
-        Place::Edge { vertices: [a, b], midpoint } => format!("the edge {a}-{b} around {}", at(*midpoint)),
-        Place::Face { vertices: [a, b, c], centroid } => format!("the face {a}-{b}-{c} around {}", at(*centroid)),
+    let (place, kind) = match &bottleneck.place {
+        Place::Vertex { vertex, position } => (format!("vertex {vertex} at {}", point(*position)), "corners"),
+        Place::Edge { vertices: [a, b], midpoint } => {
+            (format!("the edge {a}-{b} around {}", point(*midpoint)), "pieces of sharp edges")
+        }
+        Place::Face { vertices: [a, b, c], centroid } => {
+            (format!("the triangle {a}-{b}-{c} around {}", point(*centroid)), "boundary triangles")
+        }
     };
-    let cells = format!("{} active tet{}", bottleneck.active, s(bottleneck.active));
-    if bottleneck.interior {
-        format!("{cells} inside the solid, nearest to {place}")
-    } else {
-        format!("{cells} at {place}")
+    let cells = format!("{} tet{} within 0.1 % of the max K", bottleneck.active, s(bottleneck.active));
+    match bottleneck {
+        Bottleneck { interior: true, .. } => format!("{cells}, inside the solid, nearest to {place}"),
+        Bottleneck { places: 1, .. } => format!("{cells}, at {place}"),
+        Bottleneck { places, .. } => format!("{cells}, at {places} {kind}, such as {place}"),
     }
 }
 
+/// A point in the domain; no `-0.0000`, which another order of sums would turn into `0.0000`.
+fn point(coordinates: [f64; 3]) -> String {
+    let [x, y, z] = coordinates.map(|x| format!("{x:.4}")).map(|x| if x == "-0.0000" { "0.0000".into() } else { x });
+    format!("({x}, {y}, {z})")
+}
+
 fn stop_in_words(stop: StopReason, iterations: usize) -> String {
-    let why = match stop {
-        StopReason::Optimal => "the largest K is at a stationary point (KKT residual at most 1e-6)",
-        StopReason::Converged => "converged",
-        StopReason::IterationLimit => "iteration limit reached",
-        StopReason::TimeLimit => "time limit reached",
-        StopReason::NoProgress => "no step lowered the objective",
-        StopReason::NothingFree => "no vertex is free to move",
-        StopReason::StillFlipped => "tets of the start resisted untangling; nothing was optimized",
+    let (why, remedy) = match stop {
+        StopReason::Optimal => ("the largest K is at a stationary point (KKT residual at most 1e-6)", ""),
+        StopReason::Converged => ("converged", ""),
+        StopReason::IterationLimit => ("iteration limit reached", "; a higher one may lower K further"),
+        StopReason::TimeLimit => ("time limit reached", "; a longer one may lower K further"),
+        StopReason::NoProgress => ("no step lowered the objective", ""),
+        StopReason::NothingFree => ("no vertex is free to move", "; refine the mesh inside"),
+        StopReason::StillFlipped => ("tets of the start resisted untangling; nothing was optimized", ""),
     };
-    format!("{why} after {iterations} iteration{}", s(iterations))
+    format!("{why} after {iterations} iteration{}{remedy}", s(iterations))
 }

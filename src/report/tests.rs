@@ -181,15 +181,18 @@ fn tables_have_a_row_an_entry() {
 }
 
 #[test]
-fn the_summary_is_narrow_and_says_it_all() {
-    let text = summary(&write(false).1);
+fn the_summary_is_narrow_and_says_it_all_but_the_time() {
+    let (folder, report) = write(false);
+    let text = summary(&report);
+    assert_eq!(read(&folder, "summary.txt"), text);
+    assert!(!text.contains("thread"), "{text}");
     for words in [
         "cube corner",
         "5 vertices (4 on the boundary), 4 tets (0 locked),",
         "bottleneck",
         "yes: no tet is",
         "converged after 1 iteration\n",
-        "0.2 s on 2 threads",
+        "case (configs/case.toml --set mesh.layers=2)",
         "K_O >=",
         "PL on this mesh",
         "K >= 1.0100",
@@ -197,6 +200,7 @@ fn the_summary_is_narrow_and_says_it_all() {
     ] {
         assert!(text.contains(words), "{words} in\n{text}");
     }
+    assert_eq!(time_line(Times { threads: 2, seconds: 0.25 }), "time        0.2 s on 2 threads\n");
     let widest = text.lines().map(|line| line.chars().count()).max().unwrap();
     assert!(widest <= 80, "{widest} columns:\n{text}");
 }

@@ -49,7 +49,7 @@ pub enum CentreError {
     /// The chosen centre does not see the whole surface.
     #[error(
         "the solid is not star-shaped about {position:?}: {count} triangles are seen edge-on or from behind, such as \
-         {faces:?} (counted from 0); the nearest centre that works is about {nearest:?}"
+         {faces:?} (counted from 0); the nearest centre that works is about {nearest:?}, and \"kernel\" finds the deepest"
     )]
     Outside {
         /// The centre.

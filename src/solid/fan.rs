@@ -14,16 +14,16 @@ const PLANAR_TOLERANCE: f64 = 1e-4;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FanError {
     /// One or two vertices.
-    #[error("has fewer than three vertices")]
+    #[error("has fewer than three vertices; remove it")]
     TooFewVertices,
     /// One vertex twice.
-    #[error("names vertex {vertex} twice")]
+    #[error("names vertex {vertex} twice; name it once, or remove the polygon")]
     RepeatedVertex {
         /// The vertex.
         vertex: u32,
     },
     /// Zero area.
-    #[error("has no area: its vertices lie on one line")]
+    #[error("has no area: its vertices lie on one line; merge two of them")]
     Collinear,
     /// Vertices out of the plane.
     #[error("is not flat; triangulate it")]

@@ -8,7 +8,7 @@ use clarabel::solver::{
 };
 
 use super::Surface;
-use crate::mesh::{Orientation, TriangleId, Vec3, orientation};
+use crate::mesh::{Orientation, TriangleId, Vec3, View, orientation};
 
 /// At most so many triangles are named in an error.
 pub(super) const NAMED_FACES: usize = 8;
@@ -20,16 +20,32 @@ const SAME_PLANE: f64 = 1e-10;
 /// The least radius, in units of the solid's size, at which a kernel counts: the solver's accuracy is about 1e-8.
 const LEAST_RADIUS: f64 = 1e-7;
 
+/// Planes with multipliers below this part of the largest take no part in a conflict: the solver leaves about 1e-8 there.
+const DECISIVE: f64 = 1e-3;
+
 /// Why a solid has no usable kernel.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum KernelError {
+    /// A surface of higher genus, which bounds no ball.
+    #[error(
+        "the surface has {handles} handle{s}, like a torus: such a solid is not star-shaped; fill the hole{s}",
+        s = if *handles == 1 { "" } else { "s" }
+    )]
+    Handles {
+        /// How many.
+        handles: usize,
+    },
     /// No point sees the whole surface.
     #[error(
-        "the solid is not star-shaped: no point inside it sees these triangles (counted from 0) all from within: {faces:?}"
+        "the solid is not star-shaped: no point inside it sees all of these triangles from within: {faces:?} (counted \
+         from 0, with polygons cut into triangles), around {at:.4?}; cut the solid into star-shaped parts, or fill the \
+         dents that hide them from one another"
     )]
     NotStarShaped {
         /// Triangles whose half-spaces have no point in common, up to eight, the most decisive first.
         faces: Vec<u32>,
+        /// The centroids of the first two of them.
+        at: Vec<[f64; 3]>,
     },
     /// Each triangle is seen from within, but the surface winds around the point several times.
     #[error("the surface cuts through itself: it winds {times} times around its kernel")]
@@ -43,6 +59,14 @@ pub enum KernelError {
         /// Clarabel's status.
         status: String,
     },
+}
+
+impl KernelError {
+    fn not_star_shaped(surface: &Surface, faces: Vec<TriangleId>) -> Self {
+        let centroid = |&face: &TriangleId| (surface.corners(face).iter().sum::<Vec3>() / 3.0).into();
+        let at = faces.iter().take(2).map(centroid).collect();
+        Self::NotStarShaped { faces: faces.into_iter().map(|face| face.0).collect(), at }
+    }
 }
 
 /// The largest ball in the kernel.
@@ -60,6 +84,9 @@ impl StarKernel {
     /// # Errors
     /// The solid is not star-shaped, with triangles that prove it; or the solver failed.
     pub fn of(surface: &Surface) -> Result<Self, KernelError> {
+        if surface.genus() > 0 {
+            return Err(KernelError::Handles { handles: surface.genus() });
+        }
         let planes = Planes::of(surface);
         let (solution, multipliers) = planes.largest_ball()?;
         let centre = planes.to_solid(Vec3::from_column_slice(&solution[..3]));
@@ -67,18 +94,18 @@ impl StarKernel {
             // Infeasibility of r > 0 is a combination of planes with positive multipliers (Farkas).
             let mut order: Vec<usize> = (0..multipliers.len()).collect();
             order.sort_by(|&a, &b| multipliers[b].total_cmp(&multipliers[a]).then(a.cmp(&b)));
-            let decisive = order.into_iter().filter(|&i| multipliers[i] > 1e-3).take(NAMED_FACES);
-            let faces = decisive.map(|i| planes.triangles[i].0).collect();
-            return Err(KernelError::NotStarShaped { faces });
+            let least = DECISIVE * multipliers[order[0]];
+            let decisive = order.into_iter().filter(|&i| multipliers[i] > least).take(NAMED_FACES);
+            return Err(KernelError::not_star_shaped(surface, decisive.map(|i| planes.triangles[i]).collect()));
         }
-        let hidden = hidden_triangles(surface, &centre);
-        if !hidden.is_empty() {
-            let faces = hidden.iter().take(NAMED_FACES).map(|triangle| triangle.0).collect();
-            return Err(KernelError::NotStarShaped { faces });
-        }
-        match winding_number(surface, &centre) {
-            1 => Ok(Self { centre, radius: planes.clearance(&centre) }),
-            times => Err(KernelError::WindsAround { times }),
+        let corners: Vec<[Vec3; 3]> = surface.ids().map(|triangle| surface.corners(triangle)).collect();
+        match View::from(&centre, corners.iter().map(|corners| corners.each_ref())) {
+            View::Covers(1) => Ok(Self { centre, radius: planes.clearance(&centre) }),
+            View::Covers(times) => Err(KernelError::WindsAround { times }),
+            View::FacesAway(_) => {
+                let hidden = hidden_triangles(surface, &centre);
+                Err(KernelError::not_star_shaped(surface, hidden.into_iter().take(NAMED_FACES).collect()))
+            }
         }
     }
 
@@ -101,22 +128,6 @@ pub(super) fn hidden_triangles(surface: &Surface, centre: &Vec3) -> Vec<Triangle
         orientation([centre, &a, &b, &c]) != Orientation::Positive
     };
     surface.ids().filter(hidden).collect()
-}
-
-/// How often the surface winds around a point off it: its total solid angle over 4 pi.
-///
-/// If every triangle is seen from within, central projection is a covering of the sphere, branched at most at vertices;
-/// it is one-to-one, and the solid star-shaped, exactly if this is 1.
-fn winding_number(surface: &Surface, centre: &Vec3) -> i64 {
-    let solid_angle: f64 =
-        surface.ids().map(|triangle| solid_angle(surface.corners(triangle).map(|p| p - centre))).sum();
-    (solid_angle / (4.0 * std::f64::consts::PI)).round() as i64
-}
-
-/// The signed solid angle of a triangle seen from the origin, in (-2 pi, 2 pi) (van Oosterom and Strackee 1983).
-fn solid_angle([a, b, c]: [Vec3; 3]) -> f64 {
-    let [a, b, c] = [a.normalize(), b.normalize(), c.normalize()];
-    2.0 * a.dot(&b.cross(&c)).atan2(1.0 + a.dot(&b) + b.dot(&c) + c.dot(&a))
 }
 
 /// The planes of a surface's triangles, coplanar ones once, in units of the solid: the bounding box has its centre at the

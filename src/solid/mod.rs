@@ -1,8 +1,7 @@
-//! What a domain can come from: closed triangle surfaces, read or generated, their features and their star centres.
+//! What a domain can come from: closed triangle surfaces, read or generated, and their star centres.
 
 mod centre;
 mod fan;
-mod features;
 mod generate;
 mod kernel;
 #[cfg(feature = "nlopt")]
@@ -19,7 +18,6 @@ mod surface;
 
 pub use centre::{CentreChoice, CentreError, StarCentre, star_centre};
 pub use fan::FanError;
-pub use features::{FeatureAngles, Features};
 pub use generate::{Solid, SolidError};
 pub use kernel::{KernelError, StarKernel};
 pub use radial::{best_radial_exponent, radial_max_dilatation};

@@ -47,7 +47,9 @@ pub enum ShellError {
         tets: usize,
     },
     /// The centre does not see the surface well enough for positive volumes in floating point.
-    #[error("a cell of the shell mesh is flat or inside out: {0}; the star centre is too close to a face's plane")]
+    #[error(
+        "a cell of the shell mesh is flat or inside out: {0}; the star centre is too close to a face's plane, or the layers are too unequal"
+    )]
     Cell(#[from] MeshError),
     /// The refined surface is not one.
     #[error("the refined surface is degenerate: {0}")]

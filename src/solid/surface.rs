@@ -8,10 +8,10 @@ use super::fan::{self, FanError};
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SurfaceError {
     /// No polygon at all.
-    #[error("the surface has no triangles")]
+    #[error("the surface has no triangles; export it again with its faces")]
     Empty,
     /// A coordinate is NaN or infinite.
-    #[error("vertex {vertex} has a coordinate that is not finite")]
+    #[error("vertex {vertex} (counted from 0) has a coordinate that is not finite; give it three numbers")]
     NotFinite {
         /// The vertex.
         vertex: usize,
@@ -27,7 +27,7 @@ pub enum SurfaceError {
         count: usize,
     },
     /// A polygon names one vertex twice, or has fewer than three.
-    #[error("polygon {polygon} {fault}")]
+    #[error("polygon {polygon} (vertices and polygons are counted from 0) {fault}")]
     BadPolygon {
         /// The polygon.
         polygon: usize,
@@ -49,7 +49,7 @@ pub enum SurfaceError {
     },
     /// Three or more triangles share an edge.
     #[error(
-        "{count} triangles (the first three: {triangles:?}) share the edge from {from:?} to {to:?}; two are allowed"
+        "{count} triangles (the first three: {triangles:?}) share the edge from {from:?} to {to:?}; keep two of them"
     )]
     OverusedEdge {
         /// How many triangles share it.
@@ -83,13 +83,20 @@ pub enum SurfaceError {
         to: [f64; 3],
     },
     /// The surface falls apart.
-    #[error("the surface has {count} separate pieces; keep one (an inner piece would be a cavity)")]
+    #[error(
+        "the surface has {count} separate pieces, one of them with {triangles} triangles at {at:.4?}; keep one piece (an \
+         inner piece would be a cavity)"
+    )]
     Disconnected {
         /// How many pieces.
         count: usize,
+        /// Number of triangles of the smallest piece, the first of several.
+        triangles: usize,
+        /// A vertex of that piece.
+        at: [f64; 3],
     },
     /// The surface encloses nothing.
-    #[error("the surface encloses no volume")]
+    #[error("the surface encloses no volume: its sides lie on one another; give it a thickness")]
     NoVolume,
 }
 
@@ -326,7 +333,14 @@ fn check_links(points: &[Vec3], triangles: &[[VertexId; 3]], edges: &[SurfaceEdg
     }
     match pieces.count() {
         1 => Ok(()),
-        count => Err(SurfaceError::Disconnected { count }),
+        count => {
+            let mut sizes = vec![0; triangles.len()];
+            (0..triangles.len()).for_each(|triangle| sizes[pieces.root(triangle as u32) as usize] += 1);
+            let roots = (0..sizes.len()).filter(|&root| sizes[root] > 0);
+            let smallest = roots.min_by_key(|&root| sizes[root]).expect("there are several pieces");
+            let at = points[triangles[smallest][0].index()].into();
+            Err(SurfaceError::Disconnected { count, triangles: sizes[smallest], at })
+        }
     }
 }
 

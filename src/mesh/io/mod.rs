@@ -45,20 +45,24 @@ pub enum ReadError {
         path: PathBuf,
     },
     /// The file holds nothing.
-    #[error("{} is empty", path.display())]
+    #[error("{} is empty; export it again", path.display())]
     Empty {
         /// The file.
         path: PathBuf,
     },
     /// The ending tells no format that is read here.
-    #[error("{}: unknown file ending \"{ending}\"; use one of {known}", path.display())]
+    #[error(
+        "{}: unknown file ending \"{ending}\" for a {wanted}; surfaces are read from {SURFACE_ENDINGS}, meshes of tets from \
+         {TET_ENDINGS}",
+        path.display()
+    )]
     UnknownEnding {
         /// The file.
         path: PathBuf,
         /// Its ending, without the dot; empty if there is none.
         ending: String,
-        /// The endings that are known here.
-        known: &'static str,
+        /// What was to be read.
+        wanted: &'static str,
     },
     /// The text or the bytes do not follow the format.
     #[error("{}: {message}", place(path, *line))]
@@ -81,7 +85,7 @@ pub enum ReadError {
         message: String,
     },
     /// A coordinate is NaN or infinite.
-    #[error("{}: vertex {vertex} (counted from 0) has a coordinate that is not finite", place(path, *line))]
+    #[error("{}: vertex {vertex} (counted from 0) has a coordinate that is not finite; give it numbers", place(path, *line))]
     NotFinite {
         /// The file.
         path: PathBuf,
@@ -92,7 +96,8 @@ pub enum ReadError {
     },
     /// A face or cell names a vertex that does not exist.
     #[error(
-        "{}: face {face} (counted from 0) names vertex {index}, but the file has {count} vertices, numbered from {first}",
+        "{}: face {face} (counted from 0) names vertex {index}, but the file has {count} vertices, numbered from {first}; \
+         correct it, or export the file again",
         place(path, *line)
     )]
     IndexOutOfRange {
@@ -133,7 +138,7 @@ pub fn read_surface(path: &Path) -> Result<PolygonSoup, ReadError> {
         "off" => off::read,
         "ply" => ply::read,
         "stl" => stl::read,
-        _ => return Err(ReadError::UnknownEnding { path: path.into(), ending, known: SURFACE_ENDINGS }),
+        _ => return Err(ReadError::UnknownEnding { path: path.into(), ending, wanted: "surface" }),
     };
     reader(path, &read_bytes(path)?)
 }
@@ -145,7 +150,7 @@ pub fn read_surface(path: &Path) -> Result<PolygonSoup, ReadError> {
 pub fn read_tets(path: &Path) -> Result<TetSoup, ReadError> {
     match ending_of(path) {
         ending if ending == "mesh" => read_medit(path),
-        ending => Err(ReadError::UnknownEnding { path: path.into(), ending, known: TET_ENDINGS }),
+        ending => Err(ReadError::UnknownEnding { path: path.into(), ending, wanted: "mesh of tets" }),
     }
 }
 

@@ -43,7 +43,9 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<PolygonSoup, ReadError> 
         }
     }
     if polygons.is_empty() {
-        return Err(locate(path, &text).unwrap_or_else(|| malformed(path, None, "the file has no faces".into())));
+        return Err(locate(path, &text).unwrap_or_else(|| {
+            malformed(path, None, "the file has no faces; export the surface, not only its points".into())
+        }));
     }
     Ok(PolygonSoup { points: weld.points, polygons })
 }

@@ -109,7 +109,10 @@ fn faults_are_named() {
     assert!(matches!(refuse(&|soup| soup.polygons[3].reverse()), SurfaceError::InconsistentOrientation { .. }));
     let doubled = refuse(&|soup| soup.polygons.push(soup.polygons[0].clone()));
     assert!(matches!(doubled, SurfaceError::OverusedEdge { count: 3 | 4, .. }));
-    assert_eq!(refuse(&|soup| { *soup = cubes(&[[0.0; 3], [3.0; 3]]) }), SurfaceError::Disconnected { count: 2 });
+    assert_eq!(
+        refuse(&|soup| { *soup = cubes(&[[0.0; 3], [3.0; 3]]) }),
+        SurfaceError::Disconnected { count: 2, triangles: 12, at: [0.0; 3] }
+    );
     assert_eq!(
         refuse(&|soup| { *soup = welded(cubes(&[[0.0; 3], [1.0; 3]])) }),
         SurfaceError::PinchedVertex { sheets: 2, at: [1.0; 3] }

@@ -1,0 +1,109 @@
+//! What was promised of whole runs, through the program itself: published figures, and the same bits for any number of threads.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use assert_cmd::Command;
+use assert_cmd::cargo::cargo_bin;
+use serde_json::Value;
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Runs a config, given relative to the repository, and leaves the results in `out`.
+fn run(config: &str, arguments: &[&str], out: &Path) {
+    let mut command = Command::new(cargo_bin!("qcball"));
+    command.current_dir(root()).args(["run", config, "--quiet", "--out"]).arg(out).args(arguments);
+    let output = command.output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{config}: {}", String::from_utf8_lossy(&output.stderr));
+}
+
+fn report(out: &Path) -> Value {
+    serde_json::from_str(&fs::read_to_string(out.join("report.json")).unwrap()).unwrap()
+}
+
+fn number(report: &Value, pointer: &str) -> f64 {
+    report.pointer(pointer).and_then(Value::as_f64).unwrap_or_else(|| panic!("{pointer} in {report}"))
+}
+
+#[test]
+#[cfg_attr(debug_assertions, ignore = "takes minutes without optimization: cargo test --release")]
+fn the_cube_starts_as_published_and_ends_below_the_promised_dilatations() {
+    let out = tempfile::tempdir().unwrap();
+    run("configs/cube.toml", &[], out.path());
+    let report = report(out.path());
+    // Published with eight decimals.
+    assert!((number(&report, "/initial/max_k") - 5.80100003).abs() < 1e-8, "{}", report["initial"]);
+    assert!((number(&report, "/initial/mean_k") - 3.38200390).abs() < 1e-8, "{}", report["initial"]);
+    assert!(number(&report, "/final/max_k") <= 5.70, "{}", report["final"]);
+    assert!(number(&report, "/final/mean_k") <= 2.50, "{}", report["final"]);
+    assert_eq!((number(&report, "/final/flipped"), &report["bijective"]), (0.0, &Value::Bool(true)));
+    assert!(number(&report, "/best_bound") <= number(&report, "/final/max_k"));
+}
+
+#[test]
+#[cfg_attr(debug_assertions, ignore = "takes minutes without optimization: cargo test --release")]
+fn bumpy_starts_as_published_and_ends_below_the_promised_dilatation() {
+    let surface = root().join("../shared/meshes/bumpy.obj");
+    if !surface.is_file() {
+        eprintln!("skipped: {} is not there", surface.display());
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let config = folder.path().join("bumpy.toml");
+    // The best iterate is kept, so the whole run, some 300 iterations, ends no higher than its first 30.
+    let text = format!("[domain]\nfile = {surface:?}\n[mesh]\nlayers = 4\n[optimize]\nmax_iterations = 30\n");
+    fs::write(&config, text).unwrap();
+    run(config.to_str().unwrap(), &[], folder.path());
+    let report = report(folder.path());
+    assert_eq!(number(&report, "/domain/boundary_triangles"), 2496.0);
+    // Published with two decimals.
+    assert!((number(&report, "/initial/max_k") - 14.83).abs() < 0.005, "{}", report["initial"]);
+    assert!((number(&report, "/initial/mean_k") - 3.98).abs() < 0.005, "{}", report["initial"]);
+    assert!(number(&report, "/final/max_k") <= 9.5, "{}", report["final"]);
+    assert_eq!((number(&report, "/final/flipped"), &report["bijective"]), (0.0, &Value::Bool(true)));
+}
+
+#[test]
+fn results_are_the_same_to_the_bit_for_1_2_and_4_threads() {
+    // Work is cut into chunks of 1024 tets: the smoke case has one, the octahedron several.
+    let cases: [(&str, &[&str]); 2] = [
+        ("configs/smoke.toml", &["--set", "domain.centre=centroid"]),
+        ("configs/octahedron.toml", &["--set", "mesh.layers=5", "--set", "optimize.max_iterations=6"]),
+    ];
+    for (config, arguments) in cases {
+        let results = |threads: &str| -> Vec<(PathBuf, String)> {
+            let out = tempfile::tempdir().unwrap();
+            run(config, &[arguments, &["--threads", threads]].concat(), out.path());
+            let mut files: Vec<PathBuf> =
+                fs::read_dir(out.path()).unwrap().map(|entry| entry.unwrap().path()).collect();
+            files.sort();
+            files.iter().map(|path| (path.file_name().unwrap().into(), timeless(path))).collect()
+        };
+        let alone = results("1");
+        let names: Vec<&Path> = alone.iter().map(|(name, _)| name.as_path()).collect();
+        let expected = ["cells.csv", "domain.vtu", "image.vtu", "report.json", "summary.txt", "trace.csv"];
+        assert_eq!(names, expected.map(Path::new));
+        for threads in ["2", "4"] {
+            for ((name, one), (_, many)) in alone.iter().zip(results(threads)) {
+                assert!(*one == many, "{config}: {} differs between 1 and {threads} threads", name.display());
+            }
+        }
+    }
+}
+
+/// A file's text without what tells the time or the number of threads.
+fn timeless(path: &Path) -> String {
+    let text = fs::read_to_string(path).unwrap();
+    let name = path.file_name().unwrap().to_str().unwrap();
+    let kept = text.lines().filter_map(|line| match name {
+        "report.json" => {
+            (!["  \"threads\": ", "  \"seconds\": "].iter().any(|key| line.starts_with(key))).then_some(line)
+        }
+        // The last column.
+        "trace.csv" => line.rsplit_once(',').map(|(kept, _)| kept),
+        _ => Some(line),
+    });
+    kept.collect::<Vec<_>>().join("\n")
+}
