@@ -1,17 +1,15 @@
 //! What a config means: checked, with paths resolved and choices as types.
 
 use std::path::{Component, Path, PathBuf};
-use std::time::Duration;
 
 use super::error::{ConfigError, EXAMPLE, Fault};
-use super::limits::{positive, whole};
-use super::{
-    CentreName, CentreValue, Config, ConfigSource, EngineName, MapKind, MeshKind, MeshTable, ObjectiveName, solid,
-};
+use super::limits::{duration, positive, whole};
+use super::mesh::{self, MeshPlan};
+use super::{CentreName, CentreValue, Config, ConfigSource, EngineName, MapKind, ObjectiveName, solid};
 use crate::mesh::Vec3;
 use crate::mesh::io::holds_a_surface;
 use crate::optimize::{Engine, Objective, OptimizeSettings};
-use crate::solid::{CentreChoice, MOST_TETS, Refinement, ShellSettings, Solid};
+use crate::solid::{CentreChoice, Solid};
 
 /// A run that can be started.
 #[derive(Clone, Debug)]
@@ -31,7 +29,7 @@ pub struct Plan {
     /// Its star centre.
     pub centre: CentreChoice,
     /// How it is filled with tets.
-    pub mesh: ShellSettings,
+    pub mesh: MeshPlan,
     /// The map to start from.
     pub map: InitialMap,
     /// How the map is improved.
@@ -78,7 +76,7 @@ impl Plan {
             domain: domain(source.path(), config)?,
             keep_mesh: config.domain.keep_mesh,
             centre: centre(config)?,
-            mesh: mesh(&config.mesh)?,
+            mesh: mesh::plan(&config.mesh, source.path())?,
             map: match config.map.kind {
                 MapKind::Radial => {
                     InitialMap::Radial { exponent: positive(config.map.exponent, 1.0, &["map", "exponent"])? }
@@ -128,7 +126,7 @@ fn domain(config_path: &Path, config: &Config) -> Result<DomainSource, Fault> {
     };
     solid::check_parameters(domain)?;
     let is_mesh = matches!(source, DomainSource::Mesh(_));
-    if is_mesh && let Some(key) = config.mesh.first_given() {
+    if is_mesh && let Some(key) = mesh::first_given(&config.mesh) {
         let message = format!("`{key}` speaks of a mesh to be made, but `domain.file` is a mesh already");
         return Err(Fault::at(&["mesh", key], message, "remove the key, or give a surface as domain.file"));
     }
@@ -153,30 +151,7 @@ fn centre(config: &Config) -> Result<CentreChoice, Fault> {
     })
 }
 
-fn mesh(table: &MeshTable) -> Result<ShellSettings, Fault> {
-    let MeshKind::Shell = table.kind;
-    let refinement = match (table.edge_length, table.cells) {
-        (Some(_), Some(_)) => {
-            let message = "both `edge_length` and `cells` say how far to refine".to_string();
-            return Err(Fault::at(&["mesh", "cells"], message, "keep one of them"));
-        }
-        (Some(length), None) => Some(Refinement::EdgeLength(positive(Some(length), 0.1, &["mesh", "edge_length"])?)),
-        (None, Some(cells)) => {
-            Some(Refinement::Cells(whole(Some(cells), 10_000, 1..=MOST_TETS as i64, &["mesh", "cells"])?))
-        }
-        (None, None) => None,
-    };
-    Ok(ShellSettings {
-        subdivisions: whole(table.subdivisions, 1, 1..=1000, &["mesh", "subdivisions"])?,
-        refinement,
-        layers: whole(table.layers, 8, 1..=10_000, &["mesh", "layers"])?,
-        grading: positive(table.grading, 1.0, &["mesh", "grading"])?,
-    })
-}
-
 fn optimize(config: &Config) -> Result<OptimizeSettings, Fault> {
-    /// Some thirty years: longer than any run, and far from the largest `Duration`.
-    const LONGEST: f64 = 1e9;
     let table = &config.optimize;
     let default = OptimizeSettings::default();
     let key = ["optimize", "exponent"];
@@ -192,8 +167,6 @@ fn optimize(config: &Config) -> Result<OptimizeSettings, Fault> {
             return Err(Fault::at(&["optimize", "objective"], message, "add for example exponent = 48"));
         }
     };
-    let seconds =
-        table.time_limit.map(|given| positive(Some(given), 600.0, &["optimize", "time_limit"])).transpose()?;
     let key = ["optimize", "max_iterations"];
     Ok(OptimizeSettings {
         objective,
@@ -203,6 +176,6 @@ fn optimize(config: &Config) -> Result<OptimizeSettings, Fault> {
         },
         tolerance: positive(table.tolerance, default.tolerance, &["optimize", "tolerance"])?,
         max_iterations: whole(table.max_iterations, default.max_iterations as i64, 0..=1_000_000_000, &key)?,
-        time_limit: seconds.map(|seconds| Duration::from_secs_f64(seconds.min(LONGEST))),
+        time_limit: table.time_limit.map(|given| duration(given, 600.0, &["optimize", "time_limit"])).transpose()?,
     })
 }

@@ -3,13 +3,13 @@
 use std::path::Path;
 
 use super::error::{Fault, RunError};
-use crate::config::{DomainSource, Plan};
+use crate::config::{DomainSource, MeshPlan, Plan};
 use crate::domain::Domain;
 use crate::map::{RadialCoordinates, by_ray_casting};
 use crate::mesh::io::{read_surface, read_tets};
 use crate::mesh::{PolygonSoup, TetMesh, Vec3, VertexId, full_boundary};
 use crate::report::Splits;
-use crate::solid::{StarCentre, Surface, shell_mesh, star_centre};
+use crate::solid::{ExternalSettings, StarCentre, Surface, external_mesh, shell_mesh, star_centre};
 
 /// A domain, its star centre and where its vertices lie on the rays from there.
 pub(super) struct Start {
@@ -38,14 +38,20 @@ impl Start {
 
     fn of_surface(origin: String, surface: Surface, plan: &Plan) -> Result<Self, RunError> {
         let centre = star_centre(&surface, &plan.centre).map_err(RunError::at(&origin))?;
-        let shell = shell_mesh(&surface, centre.position, &plan.mesh).map_err(RunError::at(&origin))?;
-        let coordinates = RadialCoordinates::of_shell(&shell);
-        let domain = Domain::new(shell.mesh).map_err(RunError::at(&origin))?;
+        let (domain, coordinates, splits) = match &plan.mesh {
+            MeshPlan::Shell(settings) => {
+                let shell = shell_mesh(&surface, centre.position, settings).map_err(RunError::at(&origin))?;
+                let coordinates = RadialCoordinates::of_shell(&shell);
+                (Domain::new(shell.mesh).map_err(RunError::at(&origin))?, coordinates, None)
+            }
+            MeshPlan::External(settings) => external(&surface, centre.position, settings)
+                .map_err(|fault| RunError::Fault { origin: origin.clone(), fault })?,
+        };
         let mut warnings = Vec::new();
         if surface.was_inside_out() {
             warnings.push("the surface was inside out; all its triangles were reversed".into());
         }
-        Ok(Self { origin, domain, centre, coordinates, splits: None, warnings })
+        Ok(Self { origin, domain, centre, coordinates, splits, warnings })
     }
 
     fn of_mesh(path: &Path, plan: &Plan) -> Result<Self, RunError> {
@@ -68,6 +74,17 @@ impl Start {
             .map_err(|fault| RunError::Fault { origin: origin.clone(), fault })?;
         Ok(Self { origin, domain, centre, coordinates, splits, warnings })
     }
+}
+
+/// A domain made by an external mesher, its radial coordinates, and the splits that freed its locked tets.
+fn external(
+    surface: &Surface,
+    centre: Vec3,
+    settings: &ExternalSettings,
+) -> Result<(Domain, Vec<RadialCoordinates>, Option<Splits>), Fault> {
+    let (domain, splits) = freed(Domain::new(external_mesh(surface, settings)?)?, false)?;
+    let coordinates = radial_coordinates(&domain, surface, centre)?;
+    Ok((domain, coordinates, splits))
 }
 
 /// The domain with its boundary made a full subcomplex, unless the mesh is to be kept.
