@@ -74,7 +74,7 @@ pub enum ExternalError {
         /// The mesher.
         mesher: ExternalMesher,
         /// What is wrong with it.
-        source: ReadError,
+        source: Box<ReadError>,
     },
     /// Its tets are no mesh.
     #[error("{mesher} made a mesh that is none: {source} (tets and vertices are counted from 0)")]

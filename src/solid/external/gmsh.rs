@@ -68,7 +68,8 @@ fn run(job: &Job, max_volume: Option<f64>, algorithm: u32) -> Result<TetSoup, Ex
     if !output.exists() {
         return Err(ExternalError::NoMesh { mesher: MESHER, words: ended.words });
     }
-    let mut soup = read_medit(&output).map_err(|source| ExternalError::Unreadable { mesher: MESHER, source })?;
+    let mut soup =
+        read_medit(&output).map_err(|source| ExternalError::Unreadable { mesher: MESHER, source: source.into() })?;
     if soup.tets.is_empty() {
         return Err(ExternalError::NoMesh { mesher: MESHER, words: ended.words });
     }

@@ -107,10 +107,8 @@ fn check_boundary(
 fn drop_unused(points: &mut Vec<Vec3>, tets: &mut [[VertexId; 4]]) {
     let mut number = vec![None; points.len()];
     tets.iter().flatten().for_each(|v| number[v.index()] = Some(VertexId(0)));
-    let mut next = 0;
-    for slot in number.iter_mut().flatten() {
-        *slot = VertexId(next);
-        next += 1;
+    for (next, slot) in number.iter_mut().flatten().enumerate() {
+        *slot = VertexId(next as u32);
     }
     tets.iter_mut().flatten().for_each(|v| *v = number[v.index()].expect("marked as used above"));
     let mut used = number.iter().map(Option::is_some);

@@ -40,8 +40,7 @@ impl Sizing {
 
     pub(super) fn check(&self) -> Result<(), String> {
         let Self { edge_length, feature_edge_length, growth } = *self;
-        // Written so that NaN fails.
-        if !(edge_length > 0.0) {
+        if edge_length.is_nan() || edge_length <= 0.0 {
             return Err(format!("edge_length is {edge_length}, but must be positive"));
         }
         if !(feature_edge_length.is_finite() && feature_edge_length > 0.0 && feature_edge_length <= edge_length) {

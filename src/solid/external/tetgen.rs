@@ -28,7 +28,8 @@ pub(super) fn mesh(job: &Job, max_volume: Option<f64>) -> Result<TetSoup, Extern
     if !output.exists() {
         return Err(ExternalError::NoMesh { mesher: MESHER, words: ended.words });
     }
-    let soup = read_medit(&output).map_err(|source| ExternalError::Unreadable { mesher: MESHER, source })?;
+    let soup =
+        read_medit(&output).map_err(|source| ExternalError::Unreadable { mesher: MESHER, source: source.into() })?;
     if soup.tets.is_empty() {
         return Err(ExternalError::NoMesh { mesher: MESHER, words: ended.words });
     }
