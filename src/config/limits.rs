@@ -1,6 +1,7 @@
 //! Numbers within limits.
 
 use std::ops::{Range, RangeInclusive};
+use std::time::Duration;
 
 use super::error::Fault;
 
@@ -33,6 +34,13 @@ pub(super) fn positive(given: Option<f64>, default: f64, key: &[&'static str]) -
             Err(Fault::at(key, message, format!("for example {default}; `qcball schema` describes every key")))
         }
     }
+}
+
+/// Seconds greater than 0, with an example for who gave none such.
+pub(super) fn duration(seconds: f64, example: f64, key: &[&'static str]) -> Result<Duration, Fault> {
+    /// Some thirty years: longer than any run, and far from the largest `Duration`.
+    const LONGEST: f64 = 1e9;
+    Ok(Duration::from_secs_f64(positive(Some(seconds), example, key)?.min(LONGEST)))
 }
 
 /// A number in a half-open range, or its default.

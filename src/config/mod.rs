@@ -5,11 +5,13 @@
 
 mod error;
 mod limits;
+mod mesh;
 mod plan;
 mod solid;
 mod source;
 
 pub use error::ConfigError;
+pub use mesh::MeshPlan;
 pub use plan::{DomainSource, InitialMap, Plan};
 pub use solid::SolidName;
 pub use source::ConfigSource;
@@ -110,37 +112,50 @@ pub enum CentreName {
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct MeshTable {
-    /// The mesher. Default: "shell", cones over the surface triangles cut into layers.
+    /// The mesher. Default: "shell", cones over the surface triangles cut into layers. "tetgen" and "gmsh" run the
+    /// program of that name.
     pub kind: MeshKind,
-    /// Each surface triangle is first split into this number squared, at least 1. Default: 1.
+    /// Each surface triangle is first split into this number squared, at least 1 (shell). Default: 1.
     #[schemars(range(min = 1, max = 1000))]
     pub subdivisions: Option<i64>,
-    /// Halve the longest edges until none is longer than this, in the solid's own units. Not together with `cells`.
+    /// In the solid's own units, > 0. shell: halve the longest edges until none is longer; not together with `cells`.
+    /// tetgen, gmsh: the edge length aimed at, away from sharp edges if those have their own; with `keep_boundary`, in
+    /// the interior. Default: no wish.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub edge_length: Option<f64>,
-    /// Halve the longest edges until there are at least this many tetrahedra. Not together with `edge_length`.
+    /// Halve the longest edges until there are at least this many tetrahedra (shell). Not together with `edge_length`.
     #[schemars(range(min = 1, max = 100_000_000))]
     pub cells: Option<i64>,
-    /// Number of layers from the centre to the surface, at least 1. Default: 8.
+    /// Number of layers from the centre to the surface, at least 1 (shell). Default: 8.
     #[schemars(range(min = 1, max = 10_000))]
     pub layers: Option<i64>,
-    /// Ratio of the thicknesses of successive layers outward, > 0. Default: 1, all layers equally thick.
+    /// Ratio of the thicknesses of successive layers outward, > 0 (shell). Default: 1, all layers equally thick.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub grading: Option<f64>,
-}
-
-impl MeshTable {
-    /// The first key that was given, if any.
-    fn first_given(&self) -> Option<&'static str> {
-        let given = [
-            ("subdivisions", self.subdivisions.is_some()),
-            ("edge_length", self.edge_length.is_some()),
-            ("cells", self.cells.is_some()),
-            ("layers", self.layers.is_some()),
-            ("grading", self.grading.is_some()),
-        ];
-        given.into_iter().find(|(_, given)| *given).map(|(key, _)| key)
-    }
+    /// The edge length aimed at along sharp edges and at corners, > 0 and at most `edge_length` (tetgen, gmsh). An edge is
+    /// sharp if its faces turn by more than 20 degrees. Default: `edge_length`.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub feature_edge_length: Option<f64>,
+    /// How much the edge length aimed at grows per unit of distance from the sharp edges, > 0 (tetgen, gmsh; needs
+    /// `feature_edge_length`). Default: 0.5.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub feature_growth: Option<f64>,
+    /// No tetrahedron is larger than this, in the solid's own units cubed (tetgen, gmsh). Default: no limit.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub max_volume: Option<f64>,
+    /// The ratio of circumradius to shortest edge that no tetrahedron should exceed, > 1 (tetgen). Below 1.2 TetGen may
+    /// never end. Default: 1.4.
+    #[schemars(extend("exclusiveMinimum" = 1))]
+    pub quality: Option<f64>,
+    /// Keep the surface's triangles as the boundary instead of refining them on the same faces (tetgen, gmsh). Default:
+    /// false.
+    pub keep_boundary: Option<bool>,
+    /// The mesher's program: a name on PATH, or a path relative to the config file (tetgen, gmsh). Default: what
+    /// QCBALL_TETGEN or QCBALL_GMSH names in the environment, else tetgen or gmsh.
+    pub program: Option<String>,
+    /// The mesher's program is ended after so many seconds, > 0 (tetgen, gmsh). Default: 120.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub program_time_limit: Option<f64>,
 }
 
 /// A mesher.
@@ -150,6 +165,10 @@ pub enum MeshKind {
     /// Cones over the surface triangles, cut into layers.
     #[default]
     Shell,
+    /// The program TetGen.
+    Tetgen,
+    /// The program Gmsh.
+    Gmsh,
 }
 
 /// The table `[map]`.

@@ -1,18 +1,18 @@
 //! What a config means: checked, with paths resolved and choices as types.
 
 use std::path::{Component, Path, PathBuf};
-use std::time::Duration;
 
 use super::error::{ConfigError, EXAMPLE, Fault};
-use super::limits::{positive, whole};
+use super::limits::{duration, positive, whole};
+use super::mesh::{self, MeshPlan};
 use super::{
     CentreName, CentreValue, Config, ConfigSource, EngineName, ExponentName, ExponentValue, MapKind, MeshKind,
-    MeshTable, ObjectiveName, PolishName, solid,
+    ObjectiveName, PolishName, solid,
 };
 use crate::mesh::Vec3;
 use crate::mesh::io::holds_a_surface;
 use crate::optimize::{Engine, Objective, OptimizeSettings, Polish};
-use crate::solid::{CentreChoice, MOST_TETS, Refinement, ShellSettings, Solid};
+use crate::solid::{CentreChoice, Solid};
 
 /// A run that can be started.
 #[derive(Clone, Debug)]
@@ -32,7 +32,7 @@ pub struct Plan {
     /// Its star centre.
     pub centre: CentreChoice,
     /// How it is filled with tets.
-    pub mesh: ShellSettings,
+    pub mesh: MeshPlan,
     /// The map to start from.
     pub map: InitialMap,
     /// How the map is improved.
@@ -78,7 +78,7 @@ impl Plan {
             domain: domain(source.path(), config)?,
             keep_mesh: config.domain.keep_mesh,
             centre: centre(config)?,
-            mesh: mesh(&config.mesh)?,
+            mesh: mesh::plan(&config.mesh, source.path())?,
             map: map(config)?,
             optimize: optimize(config)?,
         })
@@ -124,7 +124,7 @@ fn domain(config_path: &Path, config: &Config) -> Result<DomainSource, Fault> {
     };
     solid::check_parameters(domain)?;
     let is_mesh = matches!(source, DomainSource::Mesh(_));
-    if is_mesh && let Some(key) = config.mesh.first_given() {
+    if is_mesh && let Some(key) = mesh::first_given(&config.mesh) {
         let message = format!("`{key}` speaks of a mesh to be made, but `domain.file` is a mesh already");
         return Err(Fault::at(&["mesh", key], message, "remove the key, or give a surface as domain.file"));
     }
@@ -144,9 +144,11 @@ fn map(config: &Config) -> Result<InitialMap, Fault> {
     let kind = config.map.kind;
     if kind == MapKind::Farthest {
         let is_mesh = config.domain.file.as_ref().is_some_and(|file| !holds_a_surface(Path::new(file)));
-        if !is_mesh {
-            let message = "the map \"farthest\" needs a mesh: shells are for star-shaped solids".to_string();
-            return Err(Fault::at(&["map", "kind"], message, "give a mesh as domain.file, or use kind = \"radial\""));
+        if !is_mesh && config.mesh.kind == MeshKind::Shell {
+            let message =
+                "the map \"farthest\" cannot start from a shell mesh, which is for star-shaped solids".to_string();
+            let help = "give a mesh as domain.file, set mesh.kind to \"tetgen\" or \"gmsh\", or use kind = \"radial\"";
+            return Err(Fault::at(&["map", "kind"], message, help));
         }
         if !matches!(centre(config)?, CentreChoice::Centroid | CentreChoice::BoundingBox | CentreChoice::At(_)) {
             let message = "the map \"farthest\" is for solids without a star centre".to_string();
@@ -175,30 +177,7 @@ fn centre(config: &Config) -> Result<CentreChoice, Fault> {
     })
 }
 
-fn mesh(table: &MeshTable) -> Result<ShellSettings, Fault> {
-    let MeshKind::Shell = table.kind;
-    let refinement = match (table.edge_length, table.cells) {
-        (Some(_), Some(_)) => {
-            let message = "both `edge_length` and `cells` say how far to refine".to_string();
-            return Err(Fault::at(&["mesh", "cells"], message, "keep one of them"));
-        }
-        (Some(length), None) => Some(Refinement::EdgeLength(positive(Some(length), 0.1, &["mesh", "edge_length"])?)),
-        (None, Some(cells)) => {
-            Some(Refinement::Cells(whole(Some(cells), 10_000, 1..=MOST_TETS as i64, &["mesh", "cells"])?))
-        }
-        (None, None) => None,
-    };
-    Ok(ShellSettings {
-        subdivisions: whole(table.subdivisions, 1, 1..=1000, &["mesh", "subdivisions"])?,
-        refinement,
-        layers: whole(table.layers, 8, 1..=10_000, &["mesh", "layers"])?,
-        grading: positive(table.grading, 1.0, &["mesh", "grading"])?,
-    })
-}
-
 fn optimize(config: &Config) -> Result<OptimizeSettings, Fault> {
-    /// Some thirty years: longer than any run, and far from the largest `Duration`.
-    const LONGEST: f64 = 1e9;
     let table = &config.optimize;
     let default = OptimizeSettings::default();
     let key = ["optimize", "exponent"];
@@ -214,8 +193,6 @@ fn optimize(config: &Config) -> Result<OptimizeSettings, Fault> {
             return Err(Fault::at(&["optimize", "objective"], message, "add for example exponent = 48"));
         }
     };
-    let seconds =
-        table.time_limit.map(|given| positive(Some(given), 600.0, &["optimize", "time_limit"])).transpose()?;
     let key = ["optimize", "max_iterations"];
     Ok(OptimizeSettings {
         objective,
@@ -234,6 +211,6 @@ fn optimize(config: &Config) -> Result<OptimizeSettings, Fault> {
         },
         tolerance: positive(table.tolerance, default.tolerance, &["optimize", "tolerance"])?,
         max_iterations: whole(table.max_iterations, default.max_iterations as i64, 0..=1_000_000_000, &key)?,
-        time_limit: seconds.map(|seconds| Duration::from_secs_f64(seconds.min(LONGEST))),
+        time_limit: table.time_limit.map(|given| duration(given, 600.0, &["optimize", "time_limit"])).transpose()?,
     })
 }

@@ -3,14 +3,16 @@ use std::path::Path;
 use super::*;
 use crate::mesh::Vec3;
 use crate::optimize::{Engine, Objective, OptimizeSettings};
-use crate::solid::{CentreChoice, Refinement, ShellSettings, Solid};
+use crate::solid::{CentreChoice, ExternalMesher, ExternalSettings, Refinement, ShellSettings, Sizing, Solid};
 
 /// A config file in a folder of its own, named `case.toml`.
 fn plan(text: &str, overrides: &[&str]) -> Result<Plan, ConfigError> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("case.toml");
     std::fs::write(&path, text).unwrap();
-    std::fs::write(folder.path().join("part.obj"), "").unwrap();
+    for part in ["part.obj", "part.mesh"] {
+        std::fs::write(folder.path().join(part), "").unwrap();
+    }
     let overrides: Vec<String> = overrides.iter().map(|one| one.to_string()).collect();
     Plan::read(&path, &overrides)
 }
@@ -28,7 +30,8 @@ fn the_least_config_has_the_documented_defaults() {
     assert_eq!(plan.name, "case");
     assert_eq!((plan.seed, plan.threads), (0, None));
     assert_eq!((plan.domain, plan.centre), (DomainSource::Solid(Solid::Cube), CentreChoice::Kernel));
-    assert_eq!(plan.mesh, ShellSettings { subdivisions: 1, refinement: None, layers: 8, grading: 1.0 });
+    let shell = ShellSettings { subdivisions: 1, refinement: None, layers: 8, grading: 1.0 };
+    assert_eq!(plan.mesh, MeshPlan::Shell(shell));
     assert_eq!(plan.map, InitialMap { kind: MapKind::Radial, exponent: Some(1.0) });
     assert_eq!(plan.optimize, OptimizeSettings::default());
 }
@@ -43,10 +46,8 @@ fn every_key_arrives() {
     assert_eq!((plan.name.as_str(), plan.seed, plan.threads), ("fine", 7, Some(2)));
     let solid = Solid::SmoothStar { amplitude: 0.5, degree: 6, resolution: 16, seed: 7 };
     assert_eq!((plan.domain, plan.centre), (DomainSource::Solid(solid), CentreChoice::At(Vec3::new(0.0, 0.5, 1.0))));
-    assert_eq!(
-        plan.mesh,
-        ShellSettings { subdivisions: 2, refinement: Some(Refinement::Cells(1000)), layers: 3, grading: 1.5 }
-    );
+    let shell = ShellSettings { subdivisions: 2, refinement: Some(Refinement::Cells(1000)), layers: 3, grading: 1.5 };
+    assert_eq!(plan.mesh, MeshPlan::Shell(shell));
     assert_eq!(plan.map, InitialMap { kind: MapKind::Radial, exponent: Some(2.0) });
     let expected = OptimizeSettings {
         objective: Objective::SoftMax(16.0),
@@ -94,6 +95,73 @@ fn every_solid_can_be_named_and_takes_its_own_parameters_only() {
 }
 
 #[test]
+fn external_meshers_take_their_keys() {
+    let mesh = |lines: &str| plan(&format!("[domain]\nsolid = \"cube\"\n[mesh]\n{lines}"), &[]).unwrap().mesh;
+    let usual = ExternalSettings::new(ExternalMesher::TetGen);
+    assert_eq!(mesh("kind = \"tetgen\""), MeshPlan::External(usual.clone()));
+    let all = "kind = \"tetgen\"\nmax_volume = 0.25\nquality = 1.5\nkeep_boundary = true\nedge_length = 0.5\n\
+               feature_edge_length = 0.125\nfeature_growth = 0.25\nprogram = \"tetgen-1.6\"\nprogram_time_limit = 2.5";
+    let expected = ExternalSettings {
+        program: Some("tetgen-1.6".into()),
+        max_volume: Some(0.25),
+        quality: Some(1.5),
+        keep_boundary: true,
+        sizing: Some(Sizing { edge_length: 0.5, feature_edge_length: 0.125, growth: 0.25 }),
+        time_limit: std::time::Duration::from_millis(2500),
+        ..usual
+    };
+    assert_eq!(mesh(all), MeshPlan::External(expected));
+    let gmsh = ExternalSettings::new(ExternalMesher::Gmsh);
+    let uniform = ExternalSettings { sizing: Some(Sizing::uniform(0.5)), ..gmsh.clone() };
+    assert_eq!(mesh("kind = \"gmsh\"\nedge_length = 0.5"), MeshPlan::External(uniform));
+    let features = Sizing { edge_length: f64::INFINITY, feature_edge_length: 0.1, growth: Sizing::GROWTH };
+    let features = ExternalSettings { sizing: Some(features), ..gmsh };
+    assert_eq!(mesh("kind = \"gmsh\"\nfeature_edge_length = 0.1"), MeshPlan::External(features));
+}
+
+#[test]
+fn a_programs_path_is_relative_to_the_config() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("case.toml");
+    let text = "[domain]\nsolid = \"cube\"\n[mesh]\nkind = \"gmsh\"\nprogram = \"tools/gmsh\"";
+    std::fs::write(&path, text).unwrap();
+    let MeshPlan::External(settings) = Plan::read(&path, &[]).unwrap().mesh else { panic!("not external") };
+    assert_eq!(settings.program, Some(folder.path().join("tools/gmsh")));
+}
+
+#[test]
+fn meshers_refuse_each_others_keys() {
+    let keys = [
+        ("subdivisions = 2", "shell"),
+        ("cells = 9", "shell"),
+        ("layers = 2", "shell"),
+        ("grading = 2", "shell"),
+        ("edge_length = 0.5", "shell tetgen gmsh"),
+        ("feature_edge_length = 0.1", "tetgen gmsh"),
+        ("feature_edge_length = 0.1\nfeature_growth = 0.1", "tetgen gmsh"),
+        ("max_volume = 0.1", "tetgen gmsh"),
+        ("quality = 2", "tetgen"),
+        ("keep_boundary = false", "tetgen gmsh"),
+        ("program = \"mesher\"", "tetgen gmsh"),
+        ("program_time_limit = 5", "tetgen gmsh"),
+    ];
+    for kind in ["shell", "tetgen", "gmsh"] {
+        for (lines, owners) in keys {
+            let text = format!("[domain]\nsolid = \"cube\"\n[mesh]\nkind = \"{kind}\"\n{lines}");
+            if owners.split(' ').any(|owner| owner == kind) {
+                plan(&text, &[]).unwrap();
+            } else {
+                let key = lines.split(' ').next().unwrap();
+                let message = refusal(&text, &[]);
+                let (what, remedy) =
+                    (format!("case.toml:5: `{key}` is no key of the mesher {kind}"), "remove it, or choose kind = ");
+                assert!(message.contains(&what) && message.contains(remedy), "{message}");
+            }
+        }
+    }
+}
+
+#[test]
 fn faults_name_line_key_and_remedy() {
     let cube = "[domain]\nsolid = \"cube\"\n";
     let cases: &[(&str, &[&str])] = &[
@@ -122,6 +190,26 @@ fn faults_name_line_key_and_remedy() {
         (&format!("{cube}[mesh]\ngrading = -1"), &["case.toml:4: `mesh.grading` is -1", "greater than 0"]),
         (&format!("{cube}mesh = {{ cells = 9,\n edge_length = 1 }}"), &["unknown key `domain.mesh`"]),
         (&format!("{cube}[mesh]\ncells = 9\nedge_length = 1"), &["case.toml:4: both `edge_length` and `cells`"]),
+        (&format!("{cube}[mesh]\nkind = \"tetgn\""), &["case.toml:4: `mesh.kind` cannot be", "did you mean `tetgen`?"]),
+        (&format!("{cube}[mesh]\nkind = \"tetgen\"\nquality = 1"), &["case.toml:5: `mesh.quality` is 1", "1.4"]),
+        (&format!("{cube}[mesh]\nkind = \"tetgen\"\nmax_volume = 0"), &["case.toml:5: `mesh.max_volume` is 0"]),
+        (&format!("{cube}[mesh]\nkind = \"gmsh\"\nprogram = \"\""), &["case.toml:5: `mesh.program` is empty"]),
+        (
+            &format!("{cube}[mesh]\nkind = \"gmsh\"\nprogram_time_limit = -1"),
+            &["case.toml:5: `mesh.program_time_limit` is -1"],
+        ),
+        (
+            &format!("{cube}[mesh]\nkind = \"gmsh\"\nfeature_growth = 1"),
+            &["case.toml:5: `feature_growth` says nothing without `feature_edge_length`"],
+        ),
+        (
+            &format!("{cube}[mesh]\nkind = \"gmsh\"\nedge_length = 0.1\nfeature_edge_length = 0.5"),
+            &["case.toml:6: `mesh.feature_edge_length` is 0.5, more than `mesh.edge_length`, which is 0.1"],
+        ),
+        (
+            "[domain]\nfile = \"part.mesh\"\n[mesh]\nkind = \"tetgen\"",
+            &["case.toml:4: `kind` speaks of a mesh to be made"],
+        ),
         (&format!("{cube}[map]\nexponent = -2"), &["case.toml:4: `map.exponent` is -2"]),
         (&format!("{cube}[map]\nexponent = inf"), &["case.toml:4: `map.exponent` is inf"]),
         (
@@ -151,7 +239,7 @@ fn faults_name_line_key_and_remedy() {
 fn overrides_apply_in_order_and_are_blamed_for_their_own_faults() {
     let cube = "[domain]\nsolid = \"cube\"\n[mesh]\nlayers = 0";
     let good = plan(cube, &["mesh.layers=2", "domain.solid=ball", "domain.resolution = 3", "mesh.layers=5"]).unwrap();
-    assert_eq!(good.mesh.layers, 5);
+    assert!(matches!(good.mesh, MeshPlan::Shell(ShellSettings { layers: 5, .. })), "{:?}", good.mesh);
     assert_eq!(good.domain, DomainSource::Solid(Solid::Ball { radius: 1.0, resolution: 3 }));
     assert_eq!(plan("", &["domain.solid=\"ball\""]).unwrap().source.overrides().count(), 1);
     let cases: &[(&str, &[&str])] = &[
@@ -197,7 +285,7 @@ fn the_schema_describes_every_key() {
         }
         assert_eq!(table["additionalProperties"], false);
     }
-    assert_eq!(described, 34, "keys in the schema");
+    assert_eq!(described, 41, "keys in the schema");
     let text = schema.to_string();
     for solid in ["\"tetrahedron\"", "\"star-polyhedron\""] {
         assert!(text.contains(solid), "{solid}");

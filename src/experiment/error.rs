@@ -6,7 +6,7 @@ use crate::map::RayError;
 use crate::mesh::io::ReadError;
 use crate::mesh::{MeshError, TopologyError};
 use crate::optimize::OptimizeError;
-use crate::solid::{CentreError, ShellError, SolidError, SurfaceError};
+use crate::solid::{CentreError, ExternalError, ShellError, SolidError, SurfaceError};
 
 /// What is wrong with the input of a run; found before any optimisation.
 #[derive(Debug, thiserror::Error)]
@@ -62,6 +62,9 @@ pub enum Fault {
     /// No shell mesh.
     #[error(transparent)]
     Shell(#[from] ShellError),
+    /// No mesh from TetGen or Gmsh.
+    #[error(transparent)]
+    External(#[from] ExternalError),
     /// The tets are no mesh.
     #[error("{0} (tets and vertices are counted from 0)")]
     Mesh(#[from] MeshError),

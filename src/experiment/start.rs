@@ -3,13 +3,15 @@
 use std::path::Path;
 
 use super::error::{Fault, RunError};
-use crate::config::{DomainSource, MapKind, Plan};
+use crate::config::{DomainSource, MapKind, MeshPlan, Plan};
 use crate::domain::Domain;
 use crate::map::{RadialCoordinates, RayEnd, by_ray_casting};
 use crate::mesh::io::{read_surface, read_tets};
 use crate::mesh::{PolygonSoup, TetMesh, Vec3, VertexId, full_boundary};
 use crate::report::Splits;
-use crate::solid::{StarCentre, Surface, best_radial_exponent, radial_max_dilatation, shell_mesh, star_centre};
+use crate::solid::{
+    StarCentre, Surface, best_radial_exponent, external_mesh, radial_max_dilatation, shell_mesh, star_centre,
+};
 
 /// A domain, its star centre and where its vertices lie on the rays from there.
 pub(super) struct Start {
@@ -22,36 +24,49 @@ pub(super) struct Start {
     /// Largest K of the smooth radial map, if there is a star centre.
     pub smooth_k: Option<f64>,
     pub coordinates: Vec<RadialCoordinates>,
-    /// The splits that freed locked tets, if the mesh was given and needed any.
+    /// The splits that freed locked tets, if the mesh was not made in shells and needed any.
     pub splits: Option<Splits>,
     pub warnings: Vec<String>,
 }
 
 impl Start {
     pub fn of(plan: &Plan) -> Result<Self, RunError> {
-        match &plan.domain {
-            DomainSource::Solid(solid) => Self::of_surface(solid.to_string(), solid.surface()?, plan),
+        let origin = match &plan.domain {
+            DomainSource::Solid(solid) => solid.to_string(),
+            DomainSource::Surface(path) | DomainSource::Mesh(path) => path.display().to_string(),
+        };
+        let at = |fault| RunError::Fault { origin: origin.clone(), fault };
+        let mut start = match &plan.domain {
+            DomainSource::Solid(solid) => Self::of_surface(&solid.surface()?, plan).map_err(at),
             DomainSource::Surface(path) => {
-                let origin = path.display().to_string();
                 let surface = Surface::from_soup(read_surface(path)?).map_err(RunError::at(&origin))?;
-                Self::of_surface(origin, surface, plan)
+                Self::of_surface(&surface, plan).map_err(at)
             }
             DomainSource::Mesh(path) => Self::of_mesh(path, plan),
-        }
+        }?;
+        start.origin = origin;
+        Ok(start)
     }
 
-    fn of_surface(origin: String, surface: Surface, plan: &Plan) -> Result<Self, RunError> {
-        let centre = star_centre(&surface, &plan.centre).map_err(RunError::at(&origin))?;
-        let shell = shell_mesh(&surface, centre.position, &plan.mesh).map_err(RunError::at(&origin))?;
-        let coordinates = RadialCoordinates::of_shell(&shell);
-        let domain = Domain::new(shell.mesh).map_err(RunError::at(&origin))?;
-        let mut warnings = Vec::new();
+    fn of_surface(surface: &Surface, plan: &Plan) -> Result<Self, Fault> {
+        let mut start = match &plan.mesh {
+            MeshPlan::Shell(settings) => {
+                let centre = star_centre(surface, &plan.centre)?;
+                let shell = shell_mesh(surface, centre.position, settings)?;
+                let coordinates = RadialCoordinates::of_shell(&shell);
+                let (exponent, smooth_k) = exponent(plan, surface, Some(&centre));
+                let (domain, centre) = (Domain::new(shell.mesh)?, Some(centre));
+                let (origin, splits, warnings) = (String::new(), None, Vec::new());
+                Self { origin, domain, centre, exponent, smooth_k, coordinates, splits, warnings }
+            }
+            MeshPlan::External(settings) => {
+                Self::of_domain(Domain::new(external_mesh(surface, settings)?)?, surface, plan)?
+            }
+        };
         if surface.was_inside_out() {
-            warnings.push("the surface was inside out; all its triangles were reversed".into());
+            start.warnings.push("the surface was inside out; all its triangles were reversed".into());
         }
-        let (exponent, smooth_k) = exponent(plan, &surface, &centre);
-        let smooth_k = Some(smooth_k);
-        Ok(Self { origin, domain, centre: Some(centre), exponent, smooth_k, coordinates, splits: None, warnings })
+        Ok(start)
     }
 
     fn of_mesh(path: &Path, plan: &Plan) -> Result<Self, RunError> {
@@ -60,21 +75,27 @@ impl Start {
         let count = soup.tets.len();
         let (mesh, exchanged) =
             TetMesh::from_either_orientation(soup.points, soup.tets).map_err(RunError::at(&origin))?;
-        let mut warnings = Vec::new();
+        let domain = Domain::new(mesh).map_err(RunError::at(&origin))?;
+        let at = |fault| RunError::Fault { origin: origin.clone(), fault };
+        let surface = boundary_surface(&domain).map_err(at)?;
+        let mut start = Self::of_domain(domain, &surface, plan).map_err(at)?;
         if exchanged > 0 {
-            warnings.push(format!(
+            start.warnings.push(format!(
                 "{exchanged} of {count} tets were stored with negative orientation; two vertices of each were exchanged"
             ));
         }
-        let (domain, splits) = freed(Domain::new(mesh).map_err(RunError::at(&origin))?, plan.keep_mesh)
-            .map_err(|fault| RunError::Fault { origin: origin.clone(), fault })?;
-        let surface = boundary_surface(&domain).map_err(RunError::at(&origin))?;
-        let fault = |fault| RunError::Fault { origin: origin.clone(), fault };
+        Ok(start)
+    }
+
+    /// Frees a mesh's locked tets and casts rays through its vertices.
+    fn of_domain(domain: Domain, surface: &Surface, plan: &Plan) -> Result<Self, Fault> {
+        let (domain, splits) = freed(domain, plan.keep_mesh)?;
+        let mut warnings = Vec::new();
         // The plan allows "farthest" only with a rule that names a point for any solid.
-        let (position, centre, end) = match (plan.map.kind, plan.centre.point(&surface)) {
+        let (position, centre, end) = match (plan.map.kind, plan.centre.point(surface)) {
             (MapKind::Farthest, Some(point)) => (point, None, RayEnd::Farthest),
             _ => {
-                let centre = star_centre(&surface, &plan.centre).map_err(RunError::at(&origin))?;
+                let centre = star_centre(surface, &plan.centre)?;
                 (centre.position, Some(centre), RayEnd::Only)
             }
         };
@@ -85,22 +106,18 @@ impl Start {
                     .into(),
             );
         }
-        let coordinates = radial_coordinates(&domain, &surface, position, end).map_err(fault)?;
-        let (exponent, smooth_k) = match &centre {
-            Some(centre) => {
-                let (exponent, smooth_k) = exponent(plan, &surface, centre);
-                (exponent, Some(smooth_k))
-            }
-            None => (plan.map.exponent.unwrap_or(1.0), None),
-        };
-        Ok(Self { origin, domain, centre, exponent, smooth_k, coordinates, splits, warnings })
+        let coordinates = radial_coordinates(&domain, surface, position, end)?;
+        let (exponent, smooth_k) = exponent(plan, surface, centre.as_ref());
+        Ok(Self { origin: String::new(), domain, centre, exponent, smooth_k, coordinates, splits, warnings })
     }
 }
 
 /// The exponent of the plan, or the best one, and the largest K of the smooth radial map with it.
-fn exponent(plan: &Plan, surface: &Surface, centre: &StarCentre) -> (f64, f64) {
+fn exponent(plan: &Plan, surface: &Surface, centre: Option<&StarCentre>) -> (f64, Option<f64>) {
+    // The plan asks for the best one only with a star centre.
+    let Some(centre) = centre else { return (plan.map.exponent.unwrap_or(1.0), None) };
     let exponent = plan.map.exponent.unwrap_or_else(|| best_radial_exponent(surface, &centre.position));
-    (exponent, radial_max_dilatation(surface, &centre.position, exponent))
+    (exponent, Some(radial_max_dilatation(surface, &centre.position, exponent)))
 }
 
 /// The domain with its boundary made a full subcomplex, unless the mesh is to be kept.

@@ -11,7 +11,7 @@ use super::{Boundary, BoundaryEdges, TetMesh, VertexId};
 /// Evidence: the bluntest Platonic edge, the icosahedron's, deviates by 41.8 degrees and the bluntest Platonic corner,
 /// the dodecahedron's, has a defect of 36 degrees; a sphere cut into 300 triangles has edges that deviate by about 13
 /// degrees and vertices with a defect of 5.
-const SHARP: f64 = PI / 6.0;
+pub const SHARP: f64 = PI / 6.0;
 
 /// Deviation from a straight dihedral angle, in radians, up to which two triangles count as one flat face: coordinates
 /// written with 9 digits turn a triangle of a tenth of the solid's size by about 1e-8.

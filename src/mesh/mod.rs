@@ -16,7 +16,7 @@ mod view;
 pub(crate) use boundary::DisjointSets;
 pub use boundary::{Boundary, TopologyError};
 pub use boundary_edges::{BoundaryEdge, BoundaryEdges};
-pub use features::Features;
+pub use features::{Features, SHARP};
 pub use full_boundary::{FullBoundary, full_boundary};
 pub use place::Place;
 pub use quality::smallest_dihedral_angle;

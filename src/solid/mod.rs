@@ -1,6 +1,7 @@
 //! What a domain can come from: closed triangle surfaces, read or generated, and their star centres.
 
 mod centre;
+mod external;
 mod fan;
 mod generate;
 mod kernel;
@@ -17,6 +18,7 @@ mod star;
 mod surface;
 
 pub use centre::{CentreChoice, CentreError, StarCentre, star_centre};
+pub use external::{ExternalError, ExternalMesher, ExternalSettings, Sizing, external_mesh};
 pub use fan::FanError;
 pub use generate::{Solid, SolidError};
 pub use kernel::{KernelError, StarKernel};
