@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde::Serialize;
 
-use super::output::print;
+use super::output::{note, print};
 use super::{Ending, Failure};
 use crate::bound::{self, LowerBound};
 use crate::domain::Domain;
@@ -17,7 +17,7 @@ use crate::report::{BestBound, bounds_table, dilatations, to_json};
 /// The two files of a map.
 #[derive(Debug, Args)]
 pub(crate) struct MapArguments {
-    /// The mesh of the domain (.mesh).
+    /// The mesh of the domain (.mesh, .vtu, .vtk, .msh, .node, .ele).
     rest: PathBuf,
     /// The mesh of its image: the same tets in the same order, other positions.
     image: PathBuf,
@@ -107,8 +107,15 @@ fn read_map(rest_path: &Path, image_path: &Path) -> Result<(Domain, Vec<Vec3>), 
         return Err(MeasureError::Mismatch { rest, image, difference }.into());
     }
     let path = || rest_path.to_path_buf();
-    let (mesh, _) = TetMesh::from_either_orientation(rest.points, rest.tets)
+    let (mesh, exchanged) = TetMesh::from_either_orientation(rest.points, rest.tets)
         .map_err(|source| MeasureError::Mesh { path: path(), source })?;
+    if exchanged > 0 {
+        note(&format!(
+            "{exchanged} of {} tets of {} were stored with negative orientation; two vertices of each were exchanged",
+            mesh.tets().len(),
+            rest_path.display()
+        ));
+    }
     let domain = Domain::any_topology(mesh).map_err(|source| MeasureError::Topology { path: path(), source })?;
     Ok((domain, image.points))
 }

@@ -1,0 +1,6 @@
+//! Mesh and surface files: round trips, files of other programs, files read by other programs, and bad files.
+
+mod damage;
+mod fixtures;
+mod python;
+mod round_trips;
