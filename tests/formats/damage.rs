@@ -26,12 +26,14 @@ fn seeds() -> Vec<(String, Vec<u8>)> {
 /// Reads `bytes` under this name; what is accepted must hold together. Returns whether it was accepted.
 fn read(folder: &Path, name: &str, bytes: &[u8]) -> bool {
     if name.ends_with(".node") || name.ends_with(".ele") {
-        for ending in ["node", "ele"] {
-            std::fs::copy(data().join("meshio").with_extension(ending), folder.join("meshio").with_extension(ending))
-                .unwrap();
+        let partner = if name.ends_with(".node") { "meshio.ele" } else { "meshio.node" };
+        if !folder.join(partner).exists() {
+            std::fs::copy(data().join(partner), folder.join(partner)).unwrap();
         }
     }
     let path = folder.join(name);
+    // A file that is overwritten in place is flushed to the disk when closed (ext4), which takes minutes here.
+    let _ = std::fs::remove_file(&path);
     std::fs::write(&path, bytes).unwrap();
     let started = Instant::now();
     let accepted = if name.starts_with("flat-") {
@@ -118,25 +120,28 @@ proptest! {
     }
 }
 
+/// A cut between two arrays of cell data, or within the last number of a text, cannot be told from a shorter file; any
+/// other one must be.
 #[test]
-fn a_file_of_tets_cut_anywhere_is_refused() {
-    let folder = tempfile::tempdir().unwrap();
+fn a_file_of_tets_cut_anywhere_is_refused_or_lacks_no_more_than_data() {
     for (name, bytes) in seeds().iter().filter(|(name, _)| !name.starts_with("flat-")) {
-        // What may be missing: trailing white space, data on points that is not read, the last keyword, the last digits
-        // of the last number.
-        let text = String::from_utf8_lossy(bytes);
-        let needed = match name.rsplit_once('.').unwrap().1 {
-            "mesh" => text.rfind("\nEnd").unwrap() - 1,
-            "vtk" => {
-                let data_on_points = bytes.windows(10).position(|window| window == b"POINT_DATA");
-                let end = data_on_points.unwrap_or(bytes.len());
-                bytes[..end].trim_ascii_end().len().min(end) - 60
+        let folder = tempfile::tempdir().unwrap();
+        let whole = read_tet_file(&data().join(name)).unwrap();
+        let mut refused = 0;
+        for length in 0..bytes.len() {
+            if !read(folder.path(), name, &bytes[..length]) {
+                refused += 1;
+                continue;
             }
-            "vtu" => bytes.len() - 200.min(bytes.len() / 4),
-            _ => bytes.trim_ascii_end().len() - 1,
-        };
-        let accepted: Vec<usize> = (0..needed).filter(|&length| read(folder.path(), name, &bytes[..length])).collect();
-        assert!(accepted.is_empty(), "{name}, {needed} of {} bytes: accepted when cut at {accepted:?}", bytes.len());
+            let file = read_tet_file(&folder.path().join(name)).unwrap();
+            assert_eq!(file.soup, whole.soup, "{name} cut at {length}");
+            for (array, whole) in file.cell_data.iter().zip(&whole.cell_data) {
+                let all_but_last = array.1.len() - 1;
+                assert_eq!(array.0, whole.0, "{name} cut at {length}");
+                assert_eq!(array.1[..all_but_last], whole.1[..all_but_last], "{name} cut at {length}");
+            }
+        }
+        assert!(2 * refused > bytes.len(), "{name}: only {refused} of {} cuts were refused", bytes.len());
     }
 }
 
@@ -189,7 +194,7 @@ fn absurd_counts_are_refused_in_little_memory() {
         ("vtk-binary.vtu", "NumberOfCells=\"6\"", format!("NumberOfCells=\"{absurd}\"")),
         ("vtk-appended-raw.vtu", "NumberOfCells=\"6\"", format!("NumberOfCells=\"{absurd}\"")),
         ("vtk-appended-raw-zlib.vtu", "NumberOfCells=\"6\"", format!("NumberOfCells=\"{absurd}\"")),
-        ("vtk-appended-raw.vtu", "offset=\"0\"", format!("offset=\"{absurd}\"")),
+        ("vtk-appended-raw.vtu", "offset=\"464\"", format!("offset=\"{absurd}\"")),
     ];
     for (number, (seed, from, to)) in cases.iter().enumerate() {
         let bytes = std::fs::read(data().join(seed)).unwrap();

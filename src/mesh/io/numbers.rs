@@ -80,7 +80,7 @@ impl Kind {
 
     fn read_text(self, tokens: &mut Tokens, count: u64, what: &str) -> Result<Numbers, Fault> {
         // A digit and a separator each, but for the last of the file.
-        let most = (tokens.left() as u64 + 1) / 2;
+        let most = (tokens.left() as u64).div_ceil(2);
         if count > most {
             let message =
                 format!("{what} should have {count} numbers, but the rest of the file has room for at most {most}");

@@ -61,7 +61,8 @@ pub(super) fn parse_tets(bytes: &[u8], nodes: Nodes) -> Result<TetFile, Fault> {
         return Err((Some(tokens.line()), message));
     }
     let mut cells = Cells::default();
-    let attributes = tokens.check_room(attributes, 2, "the count of attributes")?;
+    // Without tets there are no numbers against which the count of attributes could be held.
+    let attributes = if count == 0 { 0 } else { tokens.check_room(attributes, 2, "the count of attributes")? };
     let mut cell_data: CellData = names(bytes, attributes).into_iter().map(|name| (name, Vec::new())).collect();
     let mut first = 1;
     for entry in 0..count {
