@@ -1,11 +1,11 @@
 //! `qcball measure REST IMAGE` and `qcball bounds REST IMAGE`: what can be said of any map that two mesh files give.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::Serialize;
 
-use super::output::print;
+use super::output::{note, print};
 use super::{Ending, Failure};
 use crate::bound::{self, LowerBound};
 use crate::experiment::GivenMap;
@@ -15,7 +15,7 @@ use crate::report::{BestBound, bounds_table, dilatations, to_json};
 /// The two files of a map.
 #[derive(Debug, Args)]
 pub(crate) struct MapArguments {
-    /// The mesh of the domain (.mesh).
+    /// The mesh of the domain (.mesh, .vtu, .vtk, .msh, .node, .ele).
     rest: PathBuf,
     /// The mesh of its image: the same tets in the same order, other positions.
     image: PathBuf,
@@ -45,7 +45,7 @@ struct Figures<'a> {
 
 /// `qcball measure`.
 pub(super) fn measure_map(arguments: &MapArguments) -> Result<Ending, Failure> {
-    let GivenMap { domain, image, .. } = GivenMap::read(&arguments.rest, &arguments.image)?;
+    let GivenMap { domain, image, .. } = read_map(&arguments.rest, &arguments.image)?;
     let measured = measure(&domain, &image);
     let summary = &measured.summary;
     let (tets, vertices) = (domain.mesh().tets().len(), domain.mesh().points().len());
@@ -68,7 +68,7 @@ pub(super) fn measure_map(arguments: &MapArguments) -> Result<Ending, Failure> {
 ///
 /// Two meshes do not tell a star centre, so the bounds for radial boundary values are not among these.
 pub(super) fn bound_map(arguments: &MapArguments) -> Result<Ending, Failure> {
-    let GivenMap { domain, image, .. } = GivenMap::read(&arguments.rest, &arguments.image)?;
+    let GivenMap { domain, image, .. } = read_map(&arguments.rest, &arguments.image)?;
     let max_k = measure(&domain, &image).summary.max_k;
     let bounds = bound::all(&domain, &image, None, false);
     let best = BestBound::of(&bounds, max_k);
@@ -77,4 +77,18 @@ pub(super) fn bound_map(arguments: &MapArguments) -> Result<Ending, Failure> {
     } else {
         print(&bounds_table(&bounds, best))
     }
+}
+
+/// Reads a map from its two files, and tells if the first one's tets had to be turned.
+pub(super) fn read_map(rest: &Path, image: &Path) -> Result<GivenMap, Failure> {
+    let map = GivenMap::read(rest, image)?;
+    if map.exchanged > 0 {
+        note(&format!(
+            "{} of {} tets of {} were stored with negative orientation; two vertices of each were exchanged",
+            map.exchanged,
+            map.domain.mesh().tets().len(),
+            rest.display()
+        ));
+    }
+    Ok(map)
 }

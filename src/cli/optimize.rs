@@ -5,11 +5,12 @@ use std::time::Duration;
 
 use clap::Args;
 
+use super::measure::read_map;
 use super::output::print;
 use super::progress::Progress;
 use super::{Ending, Failure};
-use crate::experiment::{GivenMap, RunError, on_threads, optimize_map, read_locks};
-use crate::mesh::io::write_medit;
+use crate::experiment::{RunError, on_threads, optimize_map, read_locks};
+use crate::mesh::io::{CellData, check_tets_can_be_written, write_tets};
 use crate::optimize::{Engine, Objective, OptimizeSettings, Polish};
 use crate::report::{map_summary, to_json};
 
@@ -66,7 +67,8 @@ fn positive(text: &str) -> Result<f64, String> {
 
 /// `qcball optimize`.
 pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure> {
-    let map = GivenMap::read(&arguments.rest, &arguments.init)?;
+    check_tets_can_be_written(&arguments.out)?;
+    let map = read_map(&arguments.rest, &arguments.init)?;
     let fixed = match &arguments.lock {
         Some(path) => Some(read_locks(path, map.image.len())?),
         None => None,
@@ -91,10 +93,10 @@ pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure>
     if optimized.report.splits.is_some() {
         // The image has vertices that REST lacks: the domain it belongs to goes beside it.
         let domain = beside(&arguments.out);
-        write_medit(&domain, optimized.domain.mesh().points(), tets)?;
+        write_tets(&domain, optimized.domain.mesh().points(), tets, &CellData::new())?;
         written = format!("{written}, the split domain in {}", domain.display());
     }
-    write_medit(&arguments.out, &optimized.positions, tets)?;
+    write_tets(&arguments.out, &optimized.positions, tets, &CellData::new())?;
     if arguments.json {
         print(&to_json(&optimized.report))?;
     } else if !arguments.quiet {

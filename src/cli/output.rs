@@ -13,6 +13,12 @@ pub(super) fn print(text: &str) -> Result<Ending, Failure> {
     Ok(Ending::Done)
 }
 
+/// Tells on standard error what was done that nobody asked for.
+pub(super) fn note(text: &str) {
+    // Nothing is left to tell it to if standard error is closed.
+    let _ = writeln!(io::stderr(), "note: {text}");
+}
+
 /// Shows a failure on standard error: a config's with its lines, any other in one paragraph.
 pub(super) fn show_error(failure: &Failure) {
     let text = match failure {

@@ -12,7 +12,7 @@ use tempfile::NamedTempFile;
 pub struct WriteError {
     /// The file or folder.
     pub path: PathBuf,
-    /// The system's reason.
+    /// The system's reason, or ours.
     pub source: io::Error,
     /// What to do about it.
     remedy: &'static str,
@@ -28,6 +28,12 @@ impl WriteError {
             io::ErrorKind::NotFound => "the folder does not exist and cannot be made there",
             _ => "check the path or write elsewhere",
         };
+        Self { path: path.to_path_buf(), source, remedy }
+    }
+
+    /// What the format of the file cannot hold, and what to do instead.
+    pub(super) fn refused(path: &Path, fault: impl Into<String>, remedy: &'static str) -> Self {
+        let source = io::Error::new(io::ErrorKind::InvalidInput, fault.into());
         Self { path: path.to_path_buf(), source, remedy }
     }
 }

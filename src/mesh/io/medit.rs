@@ -5,7 +5,8 @@
 
 use std::path::Path;
 
-use super::{ReadError, WriteError, read_bytes, write_atomically};
+use super::tokens::{Fault, Token, Tokens};
+use super::{ReadError, TetFile, WriteError, write_atomically};
 use crate::mesh::{TetSoup, Vec3, VertexId};
 
 /// Sections of volume cells that are not tetrahedra: skipping them would quietly drop a part of the solid.
@@ -16,7 +17,7 @@ const OTHER_CELLS: [&str; 4] = ["Hexahedra", "Prisms", "Pyramids", "Wedges"];
 /// # Errors
 /// The path, the line and what is wrong there.
 pub fn read_medit(path: &Path) -> Result<TetSoup, ReadError> {
-    parse(&read_bytes(path)?).map_err(|(line, message)| ReadError::Malformed { path: path.into(), line, message })
+    super::read_tets_by(parse, path).map(|file| file.soup)
 }
 
 /// Writes a Medit file; coordinates have 17 significant digits, so that reading gives the same bits.
@@ -37,62 +38,6 @@ pub fn write_medit(path: &Path, points: &[Vec3], tets: &[[VertexId; 4]]) -> Resu
     })
 }
 
-/// A line, where one is to blame, and what is wrong there.
-type Fault = (Option<usize>, String);
-
-#[derive(Clone)]
-struct Tokens<'a> {
-    rest: &'a [u8],
-    line: usize,
-}
-
-#[derive(Clone, Copy)]
-struct Token<'a> {
-    text: &'a [u8],
-    line: usize,
-}
-
-impl<'a> Iterator for Tokens<'a> {
-    type Item = Token<'a>;
-
-    fn next(&mut self) -> Option<Token<'a>> {
-        loop {
-            match self.rest.first()? {
-                b'#' => {
-                    let end = self.rest.iter().position(|&b| b == b'\n').unwrap_or(self.rest.len());
-                    self.rest = &self.rest[end..];
-                }
-                byte if byte.is_ascii_whitespace() => {
-                    self.line += usize::from(*byte == b'\n');
-                    self.rest = &self.rest[1..];
-                }
-                _ => {
-                    let end = self.rest.iter().position(|&b| b == b'#' || b.is_ascii_whitespace());
-                    let (text, rest) = self.rest.split_at(end.unwrap_or(self.rest.len()));
-                    self.rest = rest;
-                    return Some(Token { text, line: self.line });
-                }
-            }
-        }
-    }
-}
-
-impl Token<'_> {
-    /// The token as it may stand in a message: short, and printable whatever the file holds.
-    fn shown(self) -> String {
-        const LONGEST: usize = 40;
-        let shown = self.text[..self.text.len().min(LONGEST)].escape_ascii().to_string();
-        if self.text.len() > LONGEST { format!("`{shown}...`") } else { format!("`{shown}`") }
-    }
-
-    fn parse<T: std::str::FromStr>(self, what: &str, expected: &str) -> Result<T, Fault> {
-        std::str::from_utf8(self.text)
-            .ok()
-            .and_then(|text| text.parse().ok())
-            .ok_or_else(|| (Some(self.line), format!("{what} is {}, but should be {expected}", self.shown())))
-    }
-}
-
 /// A section's entries: how many, and the tokens from the first one on.
 #[derive(Clone)]
 struct Section<'a> {
@@ -107,7 +52,7 @@ impl<'a> Section<'a> {
         let token = tokens.next().ok_or_else(|| truncated(keyword.line, name, "its count"))?;
         let count: u64 = token.parse(&format!("the count of {name}"), "a whole number >= 0")?;
         // Every field takes a digit and a separator, but for the last of the file.
-        let most = (tokens.rest.len() as u64 + 1) / (2 * fields as u64);
+        let most = (tokens.left() as u64 + 1) / (2 * fields as u64);
         if count > most || count > u64::from(u32::MAX) {
             let message = format!(
                 "{name} announces {count} entries, but the rest of the file has room for at most {most}: the count is \
@@ -127,10 +72,10 @@ impl<'a> Section<'a> {
         for number in 1..=self.count {
             let (name, count, entries) = (self.name, self.count, &mut self.entries);
             let mut field = || {
-                let line = entries.line;
+                let line = entries.line();
                 let token =
                     entries.next().ok_or_else(|| truncated(line, name, &format!("entry {number} of {count}")))?;
-                if token.is_keyword() && !is_non_finite(token) {
+                if is_keyword(token) && !is_non_finite(token) {
                     let message = format!(
                         "found {} within entry {number} of the {count} {name}: the section has fewer entries than it \
                          announces, or an entry lacks its reference number",
@@ -143,7 +88,7 @@ impl<'a> Section<'a> {
             all.push(read(&mut field)?);
         }
         match self.entries.next() {
-            Some(token) if !token.is_keyword() => {
+            Some(token) if !is_keyword(token) => {
                 let message = format!(
                     "found {} after the last of the {} {}: the section has more entries than it announces, or longer ones",
                     token.shown(),
@@ -157,10 +102,8 @@ impl<'a> Section<'a> {
     }
 }
 
-impl Token<'_> {
-    fn is_keyword(self) -> bool {
-        self.text[0].is_ascii_alphabetic()
-    }
+fn is_keyword(token: Token) -> bool {
+    token.text[0].is_ascii_alphabetic()
 }
 
 /// `nan` and `inf` look like keywords, but deserve the message about coordinates.
@@ -175,8 +118,8 @@ fn truncated(line: usize, section: &str, missing: &str) -> Fault {
     )
 }
 
-fn parse(bytes: &[u8]) -> Result<TetSoup, Fault> {
-    let (vertices, tetrahedra) = find_sections(bytes)?;
+pub(super) fn parse(bytes: &[u8]) -> Result<TetFile, Fault> {
+    let Sections { vertices, tetrahedra, skipped_cells } = find_sections(bytes)?;
     let points = vertices.read(|field| {
         let mut point = Vec3::zeros();
         for x in &mut point {
@@ -207,7 +150,7 @@ fn parse(bytes: &[u8]) -> Result<TetSoup, Fault> {
         reference(field()?)?;
         Ok(tet)
     })?;
-    Ok(TetSoup { points, tets })
+    Ok(TetFile { soup: TetSoup { points, tets }, cell_data: Vec::new(), skipped_cells })
 }
 
 fn reference(token: Token) -> Result<f64, Fault> {
@@ -215,10 +158,17 @@ fn reference(token: Token) -> Result<f64, Fault> {
     token.parse("the reference number that ends an entry", "a number")
 }
 
+/// What of a file is of interest.
+struct Sections<'a> {
+    vertices: Section<'a>,
+    tetrahedra: Section<'a>,
+    skipped_cells: usize,
+}
+
 /// Walks over the keywords; the two sections of interest are read afterwards, since they may come in either order.
-fn find_sections(bytes: &[u8]) -> Result<(Section<'_>, Section<'_>), Fault> {
-    let mut tokens = Tokens { rest: bytes, line: 1 };
-    let (mut vertices, mut tetrahedra) = (None, None);
+fn find_sections(bytes: &[u8]) -> Result<Sections<'_>, Fault> {
+    let mut tokens = Tokens::with_comments(bytes);
+    let (mut vertices, mut tetrahedra, mut skipped_cells) = (None, None, 0);
     let mut first = true;
     while let Some(token) = tokens.next() {
         if std::mem::take(&mut first) && token.text != b"MeshVersionFormatted" {
@@ -238,6 +188,10 @@ fn find_sections(bytes: &[u8]) -> Result<(Section<'_>, Section<'_>), Fault> {
             }
             b"Vertices" => open_once(&mut vertices, Section::open("Vertices", &mut tokens, token, 4)?, token)?,
             b"Tetrahedra" => open_once(&mut tetrahedra, Section::open("Tetrahedra", &mut tokens, token, 5)?, token)?,
+            b"Triangles" | b"Edges" | b"Quadrilaterals" => {
+                let count: u32 = tokens.number("a count of cells", "a whole number >= 0")?;
+                skipped_cells += count as usize;
+            }
             b"End" => break,
             name => {
                 if let Some(other) = OTHER_CELLS.iter().find(|other| other.as_bytes() == name) {
@@ -248,7 +202,9 @@ fn find_sections(bytes: &[u8]) -> Result<(Section<'_>, Section<'_>), Fault> {
     }
     let missing =
         |name: &str| (None, format!("there is no section `{name}`; is this a mesh of a solid in Medit's format?"));
-    Ok((vertices.ok_or_else(|| missing("Vertices"))?, tetrahedra.ok_or_else(|| missing("Tetrahedra"))?))
+    let vertices = vertices.ok_or_else(|| missing("Vertices"))?;
+    let tetrahedra = tetrahedra.ok_or_else(|| missing("Tetrahedra"))?;
+    Ok(Sections { vertices, tetrahedra, skipped_cells })
 }
 
 fn open_once<'a>(slot: &mut Option<Section<'a>>, section: Section<'a>, keyword: Token) -> Result<(), Fault> {

@@ -4,16 +4,24 @@
 //! anything is allocated for it.
 
 mod atomic;
+mod gmsh;
 mod medit;
+mod numbers;
 mod obj;
 mod off;
 mod ply;
 mod stl;
-mod vtu;
+mod tet_file;
+mod tetgen;
+mod tokens;
+mod vtk;
+mod write;
 
 pub use atomic::{WriteError, check_folder_is_writable, write_atomically};
 pub use medit::{read_medit, write_medit};
-pub use vtu::{DataArray, Values, write_vtu};
+pub use tet_file::{CellData, TetFile};
+pub use vtk::{DataArray, Values, write_vtu};
+pub use write::{check_tets_can_be_written, write_surface, write_tets};
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -23,7 +31,7 @@ use super::{PolygonSoup, TetSoup, Vec3, VertexId};
 /// The endings [`read_surface`] knows.
 const SURFACE_ENDINGS: &str = ".obj, .off, .ply, .stl";
 /// The endings [`read_tets`] knows.
-const TET_ENDINGS: &str = ".mesh (Medit in ASCII)";
+const TET_ENDINGS: &str = ".mesh (Medit in ASCII), .vtu, .vtk, .msh (Gmsh 4.1 or 2.2), .node or .ele (TetGen)";
 
 /// Why a file could not be read.
 ///
@@ -143,15 +151,34 @@ pub fn read_surface(path: &Path) -> Result<PolygonSoup, ReadError> {
     reader(path, &read_bytes(path)?)
 }
 
-/// Reads a tetrahedral mesh; the file's ending (in any case) tells the format: Medit.
+/// Reads a tetrahedral mesh; the file's ending (in any case) tells the format: Medit, VTU, legacy VTK, Gmsh or TetGen.
 ///
 /// # Errors
 /// [`ReadError`], with the path and, where the format allows it, the line.
 pub fn read_tets(path: &Path) -> Result<TetSoup, ReadError> {
-    match ending_of(path) {
-        ending if ending == "mesh" => read_medit(path),
-        ending => Err(ReadError::UnknownEnding { path: path.into(), ending, wanted: "mesh of tets" }),
+    read_tet_file(path).map(|file| file.soup)
+}
+
+/// Reads a tetrahedral mesh like [`read_tets`], and the scalars that the file gives on its cells.
+///
+/// Tets keep the file's order and orientation. Cells of lower dimension are skipped and counted; other volumes, which
+/// cannot be skipped without a hole, are refused, and so are tets of higher order.
+///
+/// # Errors
+/// [`ReadError`], with the path and, where the format allows it, the line.
+pub fn read_tet_file(path: &Path) -> Result<TetFile, ReadError> {
+    match ending_of(path).as_str() {
+        "mesh" => read_tets_by(medit::parse, path),
+        "vtu" => read_tets_by(vtk::parse_xml, path),
+        "vtk" => read_tets_by(vtk::parse_legacy, path),
+        "msh" | "msh2" | "msh22" | "msh4" | "msh41" => read_tets_by(gmsh::parse, path),
+        "node" | "ele" => tetgen::read(path),
+        ending => Err(ReadError::UnknownEnding { path: path.into(), ending: ending.into(), wanted: "mesh of tets" }),
     }
+}
+
+fn read_tets_by(parse: fn(&[u8]) -> Result<TetFile, tokens::Fault>, path: &Path) -> Result<TetFile, ReadError> {
+    parse(&read_bytes(path)?).map_err(|(line, message)| ReadError::Malformed { path: path.into(), line, message })
 }
 
 /// Whether a file's ending is that of a surface format; any other is taken for a mesh's.

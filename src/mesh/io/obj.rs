@@ -3,7 +3,8 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use super::{ReadError, Weld, first_not_finite};
+use super::write::write_polygon;
+use super::{ReadError, Weld, WriteError, first_not_finite, write_atomically};
 use crate::mesh::{PolygonSoup, Vec3};
 
 /// Reads the vertices and faces of an OBJ file; objects, groups, materials, normals and texture coordinates are ignored.
@@ -149,4 +150,12 @@ fn locate(path: &Path, text: &str) -> Option<ReadError> {
 
 fn malformed(path: &Path, line: Option<usize>, message: String) -> ReadError {
     ReadError::Malformed { path: path.into(), line, message }
+}
+
+/// Writes an OBJ file; numbers have as many digits as tell them from all others.
+pub(super) fn write(path: &Path, soup: &PolygonSoup) -> Result<(), WriteError> {
+    write_atomically(path, |file| {
+        soup.points.iter().try_for_each(|p| writeln!(file, "v {:?} {:?} {:?}", p.x, p.y, p.z))?;
+        soup.polygons.iter().try_for_each(|polygon| write_polygon(file, "f", polygon, 1))
+    })
 }

@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use super::ReadError;
+use super::write::write_polygon;
+use super::{ReadError, WriteError, write_atomically};
 use crate::mesh::{PolygonSoup, Vec3, VertexId};
 
 /// Reads an OFF file; `#` starts a comment, what follows a vertex's coordinates or a face's indices (colours, normals)
@@ -110,4 +111,14 @@ impl<'a, I: Iterator<Item = (usize, Vec<&'a str>)>> Lines<'a, I> {
     fn malformed(&self, message: String) -> ReadError {
         ReadError::Malformed { path: self.path.into(), line: Some(self.line), message }
     }
+}
+
+/// Writes an OFF file; numbers have as many digits as tell them from all others.
+pub(super) fn write(path: &Path, soup: &PolygonSoup) -> Result<(), WriteError> {
+    write_atomically(path, |file| {
+        // The count of edges is not needed by any reader, but has to be there.
+        writeln!(file, "OFF\n{} {} 0", soup.points.len(), soup.polygons.len())?;
+        soup.points.iter().try_for_each(|p| writeln!(file, "{:?} {:?} {:?}", p.x, p.y, p.z))?;
+        soup.polygons.iter().try_for_each(|polygon| write_polygon(file, &polygon.len().to_string(), polygon, 0))
+    })
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use ply_rs::parser::Parser;
 use ply_rs::ply::{ElementDef, Encoding, Property, PropertyAccess};
 
-use super::ReadError;
+use super::{ReadError, WriteError, write_atomically};
 use crate::mesh::{PolygonSoup, Vec3, VertexId};
 
 /// Reads `x y z` of the element `vertex` and the list `vertex_indices` (or `vertex_index`) of the element `face`.
@@ -75,6 +75,24 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<PolygonSoup, ReadError> 
     };
     let polygons = polygons.into_iter().enumerate().map(check).collect::<Result<_, _>>()?;
     Ok(PolygonSoup { points, polygons })
+}
+
+/// Writes a binary PLY file in double precision.
+pub(super) fn write(path: &Path, soup: &PolygonSoup) -> Result<(), WriteError> {
+    if soup.polygons.iter().any(|polygon| polygon.len() > usize::from(u8::MAX)) {
+        return Err(WriteError::refused(path, "a polygon has more than 255 corners", "split it, or use .obj or .off"));
+    }
+    write_atomically(path, |file| {
+        writeln!(file, "ply\nformat binary_little_endian 1.0\nelement vertex {}", soup.points.len())?;
+        writeln!(file, "property double x\nproperty double y\nproperty double z")?;
+        writeln!(file, "element face {}\nproperty list uchar uint vertex_indices\nend_header", soup.polygons.len())?;
+        soup.points.iter().flatten().try_for_each(|x| file.write_all(&x.to_le_bytes()))?;
+        for polygon in &soup.polygons {
+            file.write_all(&[polygon.len() as u8])?;
+            polygon.iter().try_for_each(|v| file.write_all(&v.0.to_le_bytes()))?;
+        }
+        Ok(())
+    })
 }
 
 /// Refuses what ply-rs would panic on (a number in the header that may exceed 64 bits); returns how many lines the header has.

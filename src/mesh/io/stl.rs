@@ -4,8 +4,8 @@ use std::borrow::Cow;
 use std::io::Cursor;
 use std::path::Path;
 
-use super::{ReadError, Weld};
-use crate::mesh::{PolygonSoup, Vec3};
+use super::{ReadError, Weld, WriteError, write_atomically};
+use crate::mesh::{PolygonSoup, Vec3, VertexId};
 
 /// Bytes before the triangles of a binary file: 80 of free text and a 32-bit count.
 const BINARY_HEADER: usize = 84;
@@ -95,4 +95,34 @@ fn collect(
         return Err(malformed(None, "the file has no triangles".into()));
     }
     Ok(PolygonSoup { points: weld.points, polygons })
+}
+
+/// Writes a binary STL file: single precision, polygons as fans of triangles about their first corner.
+pub(super) fn write(path: &Path, soup: &PolygonSoup) -> Result<(), WriteError> {
+    let corner = |v: VertexId| {
+        let p = &soup.points[v.index()];
+        [p.x as f32, p.y as f32, p.z as f32]
+    };
+    let mut triangles = Vec::new();
+    for polygon in &soup.polygons {
+        for edge in polygon.windows(2).skip(1) {
+            let corners = [polygon[0], edge[0], edge[1]].map(corner);
+            if !corners.iter().flatten().all(|x| x.is_finite()) {
+                let fault = "a coordinate is beyond the range of STL's single precision, or not finite";
+                return Err(WriteError::refused(path, fault, "scale the solid, or use .obj, .off or .ply"));
+            }
+            triangles.push(stl_io::Triangle {
+                normal: stl_io::Normal::new(normal(&corners)),
+                vertices: corners.map(stl_io::Vertex::new),
+            });
+        }
+    }
+    write_atomically(path, |mut file| stl_io::write_stl(&mut file, triangles.iter()))
+}
+
+/// The unit normal of a triangle; zero for a degenerate one, which means that the reader may work it out.
+fn normal(corners: &[[f32; 3]; 3]) -> [f32; 3] {
+    let [a, b, c] = corners.map(|corner| Vec3::from(corner.map(f64::from)));
+    let normal = (b - a).cross(&(c - a)).try_normalize(0.0).unwrap_or_default();
+    [normal.x as f32, normal.y as f32, normal.z as f32]
 }

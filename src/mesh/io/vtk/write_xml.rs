@@ -1,4 +1,4 @@
-//! VTU, the XML file of an unstructured grid that ParaView, PyVista and meshio read. Written only.
+//! VTU, the XML file of an unstructured grid that ParaView, PyVista and meshio read: written.
 //!
 //! Arrays stand inline, each as base64 of a header `[blocks, block size, size of the last block if partial, compressed
 //! sizes ...]` followed by base64 of the zlib blocks. Indices are Int64: UInt64, which other writers use, arrives in
@@ -11,21 +11,20 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use flate2::Compression;
 use flate2::write::ZlibEncoder;
+use quick_xml::escape::escape;
 
-use super::{WriteError, write_atomically};
+use super::cells::TETRA;
+use crate::mesh::io::{WriteError, write_atomically};
 use crate::mesh::{Vec3, VertexId};
 
 /// VTK's own default block size is of this order; smaller blocks compress worse, larger ones gain nothing.
 const BLOCK_BYTES: usize = 32_768;
 
-/// VTK's number for a linear tetrahedron.
-const VTK_TETRA: u8 = 10;
-
 /// A named array with one entry a point or one a cell.
 #[derive(Clone, Debug)]
 pub struct DataArray<'a> {
-    /// The name under which a viewer lists it; stands in an XML attribute, so no quotes or angle brackets.
-    pub name: &'static str,
+    /// The name under which a viewer lists it.
+    pub name: &'a str,
     /// The entries.
     pub values: Values<'a>,
 }
@@ -83,7 +82,7 @@ pub fn write_vtu(
         writeln!(file, "</Points>\n<Cells>")?;
         write_array(file, "Int64", "connectivity", 1, &connectivity)?;
         write_array(file, "Int64", "offsets", 1, &offsets)?;
-        write_array(file, "UInt8", "types", 1, &vec![VTK_TETRA; tets.len()])?;
+        write_array(file, "UInt8", "types", 1, &vec![TETRA; tets.len()])?;
         writeln!(file, "</Cells>\n<PointData>")?;
         point_data.iter().try_for_each(|array| write_values(file, array.name, &array.values))?;
         writeln!(file, "</PointData>\n<CellData>")?;
@@ -123,6 +122,7 @@ fn write_array(file: &mut dyn Write, kind: &str, name: &str, components: usize, 
     // One component is the default; spelled out, meshio makes columns of shape (n, 1) of it.
     let components = if components == 1 { String::new() } else { format!(" NumberOfComponents=\"{components}\"") };
     let header: Vec<u8> = header.into_iter().flat_map(|size| (size as u64).to_le_bytes()).collect();
+    let name = escape(name);
     writeln!(
         file,
         "<DataArray type=\"{kind}\" Name=\"{name}\"{components} format=\"binary\">\n{}{}\n\

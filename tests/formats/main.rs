@@ -1,0 +1,7 @@
+//! Mesh and surface files: round trips, files of other programs, files read by other programs, and bad files.
+
+mod damage;
+mod faults;
+mod fixtures;
+mod python;
+mod round_trips;
