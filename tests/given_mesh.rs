@@ -56,7 +56,7 @@ fn a_grid_is_freed_of_locked_tets_untangled_and_optimized() {
     let splits = report.splits.unwrap();
     assert!(splits.edges > 0 && splits.tets_before == 6 * 64 && report.domain.tets > splits.tets_before);
     assert_eq!((report.domain.locked, report.last.flipped, report.bijective), (0, 0, true));
-    assert_eq!(report.stop, StopReason::Converged);
+    assert!(matches!(report.stop, StopReason::Optimal | StopReason::Converged), "{:?}", report.stop);
     // Half of the tets were stored with either orientation.
     assert!(report.warnings.iter().any(|warning| warning.contains("192 of 384")), "{:?}", report.warnings);
     assert!(report.best.gap.unwrap() >= 1.0);
@@ -113,11 +113,11 @@ fn the_command_writes_the_image_and_the_split_domain() {
     let kept = optimize("kept.mesh", &["--keep-mesh"]);
     assert!(kept["locked"].as_u64().unwrap() > 0 && kept["tets"] == 48);
     assert_eq!(measure("rest.mesh", "kept.mesh")["max_k"], kept["final"]["max_k"]);
-    // With the boundary values of a linear map, that map is optimal: no start can be improved.
+    // With the boundary values of a linear map, that map is optimal; the polish may give 2e-4 of K for a lower mean.
     for report in [&split, &kept] {
         let (before, after) =
             (report["initial"]["max_k"].as_f64().unwrap(), report["final"]["max_k"].as_f64().unwrap());
-        assert!(after <= before * (1.0 + 1e-12), "{before} {after}");
+        assert!(after <= before * (1.0 + 2e-4 + 1e-12), "{before} {after}");
     }
     // QIS's lock file: a count with a comment, then numbers from 0.
     let all = (0..27).map(|v| v.to_string()).collect::<Vec<_>>().join("\n");

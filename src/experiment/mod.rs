@@ -113,7 +113,11 @@ fn stages(plan: &Plan, observe: &mut dyn FnMut(&TraceRow)) -> Result<Finished, R
         iterations: outcome.trace.len().saturating_sub(1),
         warnings,
         config_text: plan.source.text().to_string(),
-        times: Times { threads: rayon::current_num_threads(), seconds: clock.elapsed().as_secs_f64() },
+        times: Times {
+            threads: rayon::current_num_threads(),
+            seconds: clock.elapsed().as_secs_f64(),
+            untangling_seconds: untangled.seconds,
+        },
     };
     Ok(Finished { report, domain, initial, outcome, measured_initial, measured, active })
 }

@@ -156,7 +156,11 @@ pub fn optimize_map(
         stop: outcome.stop,
         kkt: outcome.kkt,
         iterations: outcome.trace.len().saturating_sub(1),
-        times: Times { threads: rayon::current_num_threads(), seconds: clock.elapsed().as_secs_f64() },
+        times: Times {
+            threads: rayon::current_num_threads(),
+            seconds: clock.elapsed().as_secs_f64(),
+            untangling_seconds: untangled.seconds,
+        },
     };
     Ok(OptimizedMap { report, domain, positions: outcome.positions })
 }

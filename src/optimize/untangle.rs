@@ -24,6 +24,8 @@ pub struct Untangled {
     pub resisting: Vec<TetId>,
     /// Number of Newton steps.
     pub iterations: usize,
+    /// Wall time.
+    pub seconds: f64,
 }
 
 /// Tets whose image is not positively oriented, by exact predicate.
@@ -51,7 +53,8 @@ pub fn untangle(
     max_iterations: usize,
     observe: &mut dyn FnMut(&TraceRow),
 ) -> Result<Untangled, OptimizeError> {
-    let mut best = Untangled { positions: start.to_vec(), resisting: flipped_tets(domain, start), iterations: 0 };
+    let mut best =
+        Untangled { positions: start.to_vec(), resisting: flipped_tets(domain, start), iterations: 0, seconds: 0.0 };
     if best.resisting.is_empty() {
         return Ok(best);
     }
@@ -72,6 +75,7 @@ pub fn untangle(
             let fall = (after - value) / after;
             after = value;
             best.iterations += 1;
+            best.seconds = clock.elapsed().as_secs_f64();
             let flipped = flipped_tets(domain, &image);
             observe(&TraceRow {
                 phase: format!("untangle, {} flipped", flipped.len()),
@@ -81,7 +85,7 @@ pub fn untangle(
                 mean_k: f64::INFINITY,
                 step,
                 progress: 0.0,
-                seconds: clock.elapsed().as_secs_f64(),
+                seconds: best.seconds,
             });
             if flipped.len() < best.resisting.len() {
                 best.positions.clone_from(&image);

@@ -20,7 +20,7 @@ use crate::optimize::{KktResidual, StopReason};
 /// Everything a reader needs to doubt a result; `report.json` holds it under these names, in this order.
 ///
 /// An infinite number is `null` in JSON. For a given program, config and overrides every key but [`Report::times`]'
-/// two, `threads` and `seconds`, is the same to the bit on any number of threads, unless a time limit ended the run.
+/// three, `threads`, `seconds` and `untangling_seconds`, is the same to the bit on any number of threads, unless a time limit ended the run.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
     /// Name of the run.
@@ -88,6 +88,8 @@ pub struct Times {
     pub threads: usize,
     /// Seconds of the whole run.
     pub seconds: f64,
+    /// Seconds of those that untangling took.
+    pub untangling_seconds: f64,
 }
 
 impl Report {
