@@ -74,8 +74,8 @@ fn every_config_has_its_summary_committed() {
         let summary = summary.unwrap_or_else(|error| panic!("results/{name}/summary.txt: {error}"));
         assert!(summary.starts_with(&format!("run         {name} (configs/{name}.toml)\n")), "{summary}");
         let (start, end) = (committed_row(&summary, "start"), committed_row(&summary, "final"));
-        // The best iterate is kept, and the start is one.
-        assert!(end[0] <= start[0], "{name}: {summary}");
+        // The best iterate is kept, and the start is one; the polish may then give 2e-4 of it, and both are rounded at 5e-5.
+        assert!(end[0] <= start[0] * (1.0 + 2e-4) + 1e-4, "{name}: {summary}");
         assert!(summary.contains("bijective   yes"), "{name}: {summary}");
     }
 }
