@@ -9,10 +9,11 @@ use super::measure::read_map;
 use super::output::print;
 use super::progress::Progress;
 use super::{Ending, Failure};
+use crate::config::optimize_settings;
 use crate::experiment::{RunError, on_threads, optimize_map, read_locks};
 use crate::mesh::io::{CellData, check_tets_can_be_written, write_tets};
 use crate::optimize::{Engine, Objective, OptimizeSettings, Polish};
-use crate::report::{map_summary, to_json};
+use crate::report::{map_summary, to_json, write_trace};
 
 /// The map and how it is improved.
 #[derive(Debug, Args)]
@@ -26,6 +27,13 @@ pub(crate) struct OptimizeArguments {
     /// A file of the fixed vertices, counted from 0; by default those of the boundary.
     #[arg(long, value_name = "FILE")]
     lock: Option<PathBuf>,
+    /// Take the settings from the [optimize] table of a config instead of the options below.
+    #[arg(
+        long,
+        value_name = "CONFIG.toml",
+        conflicts_with_all = ["soft_max", "lbfgs", "no_polish", "tolerance", "max_iterations", "time_limit"],
+    )]
+    config: Option<PathBuf>,
     /// Split no tet, even if all its vertices are fixed.
     #[arg(long)]
     keep_mesh: bool,
@@ -50,6 +58,9 @@ pub(crate) struct OptimizeArguments {
     /// Number of threads; 0 for all cores.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u16).range(0..=1024))]
     threads: u16,
+    /// Write the trace as CSV, a row an iteration.
+    #[arg(long, value_name = "FILE")]
+    trace: Option<PathBuf>,
     /// No progress and no summary.
     #[arg(long)]
     quiet: bool,
@@ -68,18 +79,14 @@ fn positive(text: &str) -> Result<f64, String> {
 /// `qcball optimize`.
 pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure> {
     check_tets_can_be_written(&arguments.out)?;
+    let settings = match &arguments.config {
+        Some(path) => optimize_settings(path)?,
+        None => settings(arguments),
+    };
     let map = read_map(&arguments.rest, &arguments.init)?;
     let fixed = match &arguments.lock {
         Some(path) => Some(read_locks(path, map.image.len())?),
         None => None,
-    };
-    let settings = OptimizeSettings {
-        objective: arguments.soft_max.map_or(Objective::Max, Objective::SoftMax),
-        engine: if arguments.lbfgs { Engine::Lbfgs } else { Engine::Newton },
-        polish: if arguments.no_polish { Polish::None } else { Polish::Mean },
-        tolerance: arguments.tolerance,
-        max_iterations: arguments.max_iterations,
-        time_limit: arguments.time_limit.map(Duration::from_secs_f64),
     };
     let progress = Progress::new(arguments.quiet);
     let optimized = on_threads(usize::from(arguments.threads), || {
@@ -96,6 +103,9 @@ pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure>
         write_tets(&domain, optimized.domain.mesh().points(), tets, &CellData::new())?;
         written = format!("{written}, the split domain in {}", domain.display());
     }
+    if let Some(path) = &arguments.trace {
+        write_trace(path, &optimized.trace)?;
+    }
     write_tets(&arguments.out, &optimized.positions, tets, &CellData::new())?;
     if arguments.json {
         print(&to_json(&optimized.report))?;
@@ -103,6 +113,17 @@ pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure>
         print(&format!("{}image       {written}\n", map_summary(&optimized.report)))?;
     }
     Ok(if optimized.report.last.flipped == 0 { Ending::Done } else { Ending::Unfulfilled })
+}
+
+fn settings(arguments: &OptimizeArguments) -> OptimizeSettings {
+    OptimizeSettings {
+        objective: arguments.soft_max.map_or(Objective::Max, Objective::SoftMax),
+        engine: if arguments.lbfgs { Engine::Lbfgs } else { Engine::Newton },
+        polish: if arguments.no_polish { Polish::None } else { Polish::Mean },
+        tolerance: arguments.tolerance,
+        max_iterations: arguments.max_iterations,
+        time_limit: arguments.time_limit.map(Duration::from_secs_f64),
+    }
 }
 
 /// `image.mesh` -> `image-domain.mesh`.
