@@ -12,7 +12,7 @@ use crate::config::BenchPlan;
 /// The meshes and how they are optimised.
 #[derive(Debug, Args)]
 pub(crate) struct BenchArguments {
-    /// A config with the table [optimize], and `threads` if wished, but without a domain.
+    /// A config with the table `optimize`, and `threads` if wished, but without a domain.
     config: PathBuf,
     /// The folder: every NAME-rest.mesh (or another format) is optimized, from NAME-init.mesh or else the radial map.
     meshes: PathBuf,

@@ -27,7 +27,7 @@ pub(crate) struct OptimizeArguments {
     /// A file of the fixed vertices, counted from 0; by default those of the boundary.
     #[arg(long, value_name = "FILE")]
     lock: Option<PathBuf>,
-    /// Take the settings from the [optimize] table of a config instead of the options below.
+    /// Take the settings from the table `optimize` of a config instead of the options below.
     #[arg(
         long,
         value_name = "CONFIG.toml",
