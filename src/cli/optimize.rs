@@ -79,15 +79,21 @@ fn positive(text: &str) -> Result<f64, String> {
 /// `qcball optimize`.
 pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure> {
     check_tets_can_be_written(&arguments.out)?;
-    let settings = match &arguments.config {
-        Some(path) => optimize_settings(path)?,
-        None => settings(arguments),
-    };
+    let from_config = arguments.config.as_deref().map(optimize_settings).transpose()?;
     let map = read_map(&arguments.rest, &arguments.init)?;
     let fixed = match &arguments.lock {
         Some(path) => Some(read_locks(path, map.image.len())?),
         None => None,
     };
+    let settings = OptimizeSettings {
+        objective: arguments.soft_max.map_or(Objective::Max, Objective::SoftMax),
+        engine: if arguments.lbfgs { Engine::Lbfgs } else { Engine::Newton },
+        polish: if arguments.no_polish { Polish::None } else { Polish::Mean },
+        tolerance: arguments.tolerance,
+        max_iterations: arguments.max_iterations,
+        time_limit: arguments.time_limit.map(Duration::from_secs_f64),
+    };
+    let settings = from_config.unwrap_or(settings);
     let progress = Progress::new(arguments.quiet);
     let optimized = on_threads(usize::from(arguments.threads), || {
         optimize_map(map, fixed, arguments.keep_mesh, &settings, &mut |row| progress.show(row))
@@ -113,17 +119,6 @@ pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure>
         print(&format!("{}image       {written}\n", map_summary(&optimized.report)))?;
     }
     Ok(if optimized.report.last.flipped == 0 { Ending::Done } else { Ending::Unfulfilled })
-}
-
-fn settings(arguments: &OptimizeArguments) -> OptimizeSettings {
-    OptimizeSettings {
-        objective: arguments.soft_max.map_or(Objective::Max, Objective::SoftMax),
-        engine: if arguments.lbfgs { Engine::Lbfgs } else { Engine::Newton },
-        polish: if arguments.no_polish { Polish::None } else { Polish::Mean },
-        tolerance: arguments.tolerance,
-        max_iterations: arguments.max_iterations,
-        time_limit: arguments.time_limit.map(Duration::from_secs_f64),
-    }
 }
 
 /// `image.mesh` -> `image-domain.mesh`.
