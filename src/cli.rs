@@ -1,5 +1,6 @@
 //! The command line: arguments in, exit code out. Numbers go to standard output, everything else to standard error.
 
+mod bench;
 mod measure;
 mod optimize;
 mod output;
@@ -11,6 +12,7 @@ use std::process::ExitCode;
 use clap::{Args, CommandFactory, Parser, Subcommand};
 use clap_complete::Shell;
 
+use crate::bench::BenchError;
 use crate::config::{ConfigError, Plan, schema};
 use crate::experiment::{self, RunError};
 use crate::mesh::io::{ReadError, WriteError, check_folder_is_writable};
@@ -36,6 +38,8 @@ enum Command {
     Bounds(measure::MapArguments),
     /// Lower the dilatation of a map given by two meshes: any start, any fixed vertices, any target.
     Optimize(optimize::OptimizeArguments),
+    /// Optimize every mesh of a folder and write a table of the results, beside those of other programs.
+    Bench(bench::BenchArguments),
     /// Print the JSON schema of config files, which describes every key.
     Schema,
     /// Print a completion script for a shell.
@@ -84,6 +88,8 @@ pub(crate) enum Failure {
     #[error(transparent)]
     Config(#[from] ConfigError),
     #[error(transparent)]
+    Bench(#[from] BenchError),
+    #[error(transparent)]
     Run(#[from] RunError),
     #[error(transparent)]
     Read(#[from] ReadError),
@@ -103,6 +109,7 @@ pub fn main() -> ExitCode {
         Command::Measure(arguments) => measure::measure_map(&arguments),
         Command::Bounds(arguments) => measure::bound_map(&arguments),
         Command::Optimize(arguments) => optimize::optimize(&arguments),
+        Command::Bench(arguments) => bench::bench(&arguments),
         Command::Schema => print(&(schema() + "\n")),
         Command::Completions { shell } => completions(shell),
     };

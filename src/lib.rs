@@ -235,6 +235,7 @@
 //! | [`config`] | the config as typed and the plan it means |
 //! | [`report`] | the record of a run, its files and its summary |
 //! | [`experiment`] | one run from plan to report; the optimisation of a given map |
+//! | [`mod@bench`] | a folder of meshes optimised one by one, beside the figures of other programs |
 //! | [`cli`] | the command line |
 //!
 //! The paper all this starts from is Naitsat, Saucan and Zeevi, *Volumetric Quasi-conformal Mappings*, GRAPP 2015,
@@ -265,6 +266,8 @@ pub mod config;
 pub mod report;
 
 pub mod experiment;
+
+pub mod bench;
 
 pub mod cli;
 

@@ -98,9 +98,15 @@ fn timeless(path: &Path) -> String {
     let text = fs::read_to_string(path).unwrap();
     let name = path.file_name().unwrap().to_str().unwrap();
     let kept = text.lines().filter_map(|line| match name {
-        "report.json" => (!["  \"threads\": ", "  \"seconds\": ", "  \"untangling_seconds\": "]
-            .iter()
-            .any(|key| line.starts_with(key)))
+        "report.json" => (![
+            "  \"threads\": ",
+            "  \"seconds\": ",
+            "  \"untangling_seconds\": ",
+            "  \"cpu_seconds\": ",
+            "  \"peak_memory_mib\": ",
+        ]
+        .iter()
+        .any(|key| line.starts_with(key)))
         .then_some(line),
         // The last column.
         "trace.csv" => line.rsplit_once(',').map(|(kept, _)| kept),

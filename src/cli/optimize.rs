@@ -9,10 +9,11 @@ use super::measure::read_map;
 use super::output::print;
 use super::progress::Progress;
 use super::{Ending, Failure};
+use crate::config::optimize_settings;
 use crate::experiment::{RunError, on_threads, optimize_map, read_locks};
 use crate::mesh::io::{CellData, check_tets_can_be_written, write_tets};
 use crate::optimize::{Engine, Objective, OptimizeSettings, Polish};
-use crate::report::{map_summary, to_json};
+use crate::report::{map_summary, to_json, write_trace};
 
 /// The map and how it is improved.
 #[derive(Debug, Args)]
@@ -26,6 +27,13 @@ pub(crate) struct OptimizeArguments {
     /// A file of the fixed vertices, counted from 0; by default those of the boundary.
     #[arg(long, value_name = "FILE")]
     lock: Option<PathBuf>,
+    /// Take the settings from the table `optimize` of a config instead of the options below.
+    #[arg(
+        long,
+        value_name = "CONFIG.toml",
+        conflicts_with_all = ["soft_max", "lbfgs", "no_polish", "tolerance", "max_iterations", "time_limit"],
+    )]
+    config: Option<PathBuf>,
     /// Split no tet, even if all its vertices are fixed.
     #[arg(long)]
     keep_mesh: bool,
@@ -50,6 +58,9 @@ pub(crate) struct OptimizeArguments {
     /// Number of threads; 0 for all cores.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u16).range(0..=1024))]
     threads: u16,
+    /// Write the trace as CSV, a row an iteration.
+    #[arg(long, value_name = "FILE")]
+    trace: Option<PathBuf>,
     /// No progress and no summary.
     #[arg(long)]
     quiet: bool,
@@ -68,6 +79,7 @@ fn positive(text: &str) -> Result<f64, String> {
 /// `qcball optimize`.
 pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure> {
     check_tets_can_be_written(&arguments.out)?;
+    let from_config = arguments.config.as_deref().map(optimize_settings).transpose()?;
     let map = read_map(&arguments.rest, &arguments.init)?;
     let fixed = match &arguments.lock {
         Some(path) => Some(read_locks(path, map.image.len())?),
@@ -81,6 +93,7 @@ pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure>
         max_iterations: arguments.max_iterations,
         time_limit: arguments.time_limit.map(Duration::from_secs_f64),
     };
+    let settings = from_config.unwrap_or(settings);
     let progress = Progress::new(arguments.quiet);
     let optimized = on_threads(usize::from(arguments.threads), || {
         optimize_map(map, fixed, arguments.keep_mesh, &settings, &mut |row| progress.show(row))
@@ -95,6 +108,9 @@ pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure>
         let domain = beside(&arguments.out);
         write_tets(&domain, optimized.domain.mesh().points(), tets, &CellData::new())?;
         written = format!("{written}, the split domain in {}", domain.display());
+    }
+    if let Some(path) = &arguments.trace {
+        write_trace(path, &optimized.trace)?;
     }
     write_tets(&arguments.out, &optimized.positions, tets, &CellData::new())?;
     if arguments.json {

@@ -3,6 +3,7 @@
 //! Every table is flat and every key optional in [`Config`], so that each message can name a key and a line; what the
 //! keys mean together is decided once, in [`Plan`].
 
+mod bench;
 mod error;
 mod limits;
 mod mesh;
@@ -10,6 +11,7 @@ mod plan;
 mod solid;
 mod source;
 
+pub use bench::{BenchPlan, optimize_settings};
 pub use error::ConfigError;
 pub use mesh::MeshPlan;
 pub use plan::{DomainSource, InitialMap, Plan};

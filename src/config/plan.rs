@@ -177,7 +177,7 @@ fn centre(config: &Config) -> Result<CentreChoice, Fault> {
     })
 }
 
-fn optimize(config: &Config) -> Result<OptimizeSettings, Fault> {
+pub(super) fn optimize(config: &Config) -> Result<OptimizeSettings, Fault> {
     let table = &config.optimize;
     let default = OptimizeSettings::default();
     let key = ["optimize", "exponent"];

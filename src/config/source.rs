@@ -67,6 +67,11 @@ impl ConfigSource {
         self.overrides.iter().map(|one| one.typed.as_str())
     }
 
+    /// Whether the file or an override gives a key or table of the top level.
+    pub(super) fn has(&self, key: &str) -> bool {
+        self.merged.contains_key(key)
+    }
+
     /// A hash of the merged keys and values, whatever their order and layout in the file; without `threads`, on which
     /// no result depends.
     pub fn hash(&self) -> String {

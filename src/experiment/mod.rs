@@ -113,11 +113,7 @@ fn stages(plan: &Plan, observe: &mut dyn FnMut(&TraceRow)) -> Result<Finished, R
         iterations: outcome.trace.len().saturating_sub(1),
         warnings,
         config_text: plan.source.text().to_string(),
-        times: Times {
-            threads: rayon::current_num_threads(),
-            seconds: clock.elapsed().as_secs_f64(),
-            untangling_seconds: untangled.seconds,
-        },
+        times: Times::since(clock, untangled.seconds),
     };
     Ok(Finished { report, domain, initial, outcome, measured_initial, measured, active })
 }

@@ -109,6 +109,8 @@ pub struct OptimizedMap {
     pub domain: Domain,
     /// Image positions.
     pub positions: Vec<Vec3>,
+    /// One row an iteration.
+    pub trace: Vec<TraceRow>,
 }
 
 /// Moves the vertices of a map that `fixed` does not hold (the boundary's, if `None`); locked tets are freed by splits that
@@ -156,11 +158,7 @@ pub fn optimize_map(
         stop: outcome.stop,
         kkt: outcome.kkt,
         iterations: outcome.trace.len().saturating_sub(1),
-        times: Times {
-            threads: rayon::current_num_threads(),
-            seconds: clock.elapsed().as_secs_f64(),
-            untangling_seconds: untangled.seconds,
-        },
+        times: Times::since(clock, untangled.seconds),
     };
-    Ok(OptimizedMap { report, domain, positions: outcome.positions })
+    Ok(OptimizedMap { report, domain, positions: outcome.positions, trace: outcome.trace })
 }

@@ -1,15 +1,18 @@
 //! The record of a run, and the files and the summary that are views of it.
 
 mod figures;
+mod machine;
 mod map_report;
 mod results;
 mod summary;
 
 pub use figures::{BestBound, DomainFigures, Splits, UntanglingFigures};
 pub use map_report::MapReport;
-pub use results::{MapRecord, write_results};
+pub use results::{MapRecord, write_results, write_trace};
 pub(crate) use summary::{bounds_table, dilatations};
 pub use summary::{map_summary, summary, time_line};
+
+use std::time::Instant;
 
 use serde::Serialize;
 
@@ -19,8 +22,8 @@ use crate::optimize::{KktResidual, StopReason};
 
 /// Everything a reader needs to doubt a result; `report.json` holds it under these names, in this order.
 ///
-/// An infinite number is `null` in JSON. For a given program, config and overrides every key but [`Report::times`]'
-/// three, `threads`, `seconds` and `untangling_seconds`, is the same to the bit on any number of threads, unless a time limit ended the run.
+/// An infinite number is `null` in JSON. For a given program, config and overrides every key but those of [`Times`] is the
+/// same to the bit on any number of threads, unless a time limit ended the run.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
     /// Name of the run.
@@ -90,6 +93,23 @@ pub struct Times {
     pub seconds: f64,
     /// Seconds of those that untangling took.
     pub untangling_seconds: f64,
+    /// Processor seconds of the process so far, over all its threads; none where the system does not tell.
+    pub cpu_seconds: Option<f64>,
+    /// The most memory the process had resident so far, in MiB; none where the system does not tell.
+    pub peak_memory_mib: Option<f64>,
+}
+
+impl Times {
+    /// The times of work that began at `start`, and what the process has used so far.
+    pub fn since(start: Instant, untangling_seconds: f64) -> Self {
+        Self {
+            threads: rayon::current_num_threads(),
+            seconds: start.elapsed().as_secs_f64(),
+            untangling_seconds,
+            cpu_seconds: machine::cpu_seconds(),
+            peak_memory_mib: machine::peak_memory_mib(),
+        }
+    }
 }
 
 impl Report {

@@ -41,7 +41,7 @@ pub struct MapRecord<'a> {
 /// # Errors
 /// The first file that could not be written, and why.
 pub fn write_results(folder: &Path, report: &Report, record: &MapRecord) -> Result<(), WriteError> {
-    write_csv(&folder.join("trace.csv"), record.trace.iter())?;
+    write_trace(&folder.join("trace.csv"), record.trace)?;
     let cells = Cells::of(record);
     write_csv(&folder.join("cells.csv"), cells.rows(record))?;
     let data = cells.arrays(record.domain.volumes());
@@ -59,6 +59,14 @@ pub fn write_results(folder: &Path, report: &Report, record: &MapRecord) -> Resu
     }
     write_atomically(&folder.join("summary.txt"), |file| file.write_all(summary(report).as_bytes()))?;
     write_atomically(&folder.join("report.json"), |file| file.write_all(report.to_json().as_bytes()))
+}
+
+/// Writes a trace as CSV, a row an iteration.
+///
+/// # Errors
+/// The file and why it could not be written.
+pub fn write_trace(path: &Path, trace: &[TraceRow]) -> Result<(), WriteError> {
+    write_csv(path, trace.iter())
 }
 
 /// What is known of each cell, column by column.

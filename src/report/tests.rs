@@ -18,6 +18,9 @@ fn domain_and_images(flip: bool) -> (Domain, Vec<Vec3>, Vec<Vec3>) {
     (domain, initial, image)
 }
 
+const TIMES: Times =
+    Times { threads: 2, seconds: 0.25, untangling_seconds: 0.0, cpu_seconds: Some(0.5), peak_memory_mib: Some(8.0) };
+
 fn bound(value: f64, applies: bool, certified: bool) -> LowerBound {
     let reason = "the boundary is fixed".into();
     LowerBound {
@@ -64,7 +67,7 @@ fn write(flip: bool) -> (tempfile::TempDir, Report) {
         iterations: 1,
         warnings: vec!["this is a test".into()],
         config_text: "[domain]\nsolid = \"cube\"".into(),
-        times: Times { threads: 2, seconds: 0.25, untangling_seconds: 0.0 },
+        times: TIMES,
     };
     let row = |iteration: usize| TraceRow {
         phase: "p=1".into(),
@@ -134,7 +137,8 @@ fn the_report_has_the_fixed_keys_in_a_fixed_order() {
     assert_eq!(json["final"]["max_k"].as_f64().unwrap().to_bits(), report.last.max_k.to_bits());
     // What differs from run to run is together at the end, so that a comparison can cut it off.
     let lines: Vec<&str> = text.lines().rev().take(4).collect();
-    let ends = ["  \"untangling_seconds\"", "  \"seconds\"", "  \"threads\""];
+    let ends =
+        ["  \"peak_memory_mib\"", "  \"cpu_seconds\"", "  \"untangling_seconds\"", "  \"seconds\"", "  \"threads\""];
     assert!(lines[1..].iter().zip(ends).all(|(line, start)| line.starts_with(start)), "{lines:?}");
 }
 
@@ -201,10 +205,7 @@ fn the_summary_is_narrow_and_says_it_all_but_the_time() {
     ] {
         assert!(text.contains(words), "{words} in\n{text}");
     }
-    assert_eq!(
-        time_line(Times { threads: 2, seconds: 0.25, untangling_seconds: 0.0 }),
-        "time        0.2 s on 2 threads\n"
-    );
+    assert_eq!(time_line(TIMES), "time        0.2 s on 2 threads\n");
     let widest = text.lines().map(|line| line.chars().count()).max().unwrap();
     assert!(widest <= 80, "{widest} columns:\n{text}");
 }

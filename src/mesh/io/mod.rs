@@ -186,6 +186,11 @@ pub fn holds_a_surface(path: &Path) -> bool {
     SURFACE_ENDINGS.split(", ").any(|known| known[1..] == ending_of(path))
 }
 
+/// Whether a file's ending is that of a format that tets are read from.
+pub fn holds_tets(path: &Path) -> bool {
+    ["mesh", "vtu", "vtk", "msh", "msh2", "msh22", "msh4", "msh41", "node", "ele"].contains(&&*ending_of(path))
+}
+
 /// The file's ending in lower case, without the dot; empty if there is none.
 fn ending_of(path: &Path) -> String {
     path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default()

@@ -1,0 +1,50 @@
+//! Configs of which only the settings of the optimisation count.
+
+use std::path::Path;
+
+use super::error::{ConfigError, Fault};
+use super::limits::whole;
+use super::{ConfigSource, plan};
+use crate::optimize::OptimizeSettings;
+
+/// How a folder of meshes is optimised.
+#[derive(Clone, Debug)]
+pub struct BenchPlan {
+    /// The config it was made from.
+    pub source: ConfigSource,
+    /// Number of threads of each optimisation.
+    pub threads: usize,
+}
+
+impl BenchPlan {
+    /// Reads a config that has `threads` (1 if it is left out) and the table `[optimize]` at most.
+    ///
+    /// # Errors
+    /// The first fault, with the file, line and key to blame, and what to do.
+    pub fn read(path: &Path) -> Result<Self, ConfigError> {
+        let (source, config) = ConfigSource::read(path, &[])?;
+        let made = || -> Result<usize, Fault> {
+            for key in ["name", "seed", "domain", "mesh", "map"] {
+                if source.has(key) {
+                    let message = format!("`{key}` speaks of one run, but a bench takes the meshes of a folder");
+                    return Err(Fault::at(&[key], message, "keep `threads` and the table [optimize] only"));
+                }
+            }
+            plan::optimize(&config)?;
+            whole(config.threads, 1, 0..=1024, &["threads"])
+        };
+        match made() {
+            Ok(threads) => Ok(Self { source, threads }),
+            Err(fault) => Err(source.error(fault)),
+        }
+    }
+}
+
+/// The settings in the table `[optimize]` of a config, whatever else it has.
+///
+/// # Errors
+/// The first fault, with the file, line and key to blame, and what to do.
+pub fn optimize_settings(path: &Path) -> Result<OptimizeSettings, ConfigError> {
+    let (source, config) = ConfigSource::read(path, &[])?;
+    plan::optimize(&config).map_err(|fault| source.error(fault))
+}
