@@ -1,9 +1,9 @@
 //! One suite for all engines: the same small problems, the same answers.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use qcball::map::{RadialCoordinates, caraman};
-use qcball::optimize::{Engine, Objective, OptimizeSettings, Outcome, Polish};
+use qcball::optimize::{Engine, Objective, OptimizeSettings, Outcome, Polish, StopReason};
 use qcball::solid::{ShellSettings, Solid, shell_mesh};
 use qcball::{Domain, Vec3, measure, optimize};
 
@@ -72,20 +72,86 @@ fn soft_maxima_agree() {
             };
             let ours = solve(Engine::Newton);
             for engine in [Engine::Lbfgs, Engine::NewtonCg, Engine::TrustRegion] {
-                let theirs = solve(engine);
-                println!("   {:e}", theirs - ours);
+                let difference = solve(engine) - ours;
+                assert!(difference.abs() < 1e-6, "{}, {engine}, p = {exponent}: {difference:e} in ln K", problem.name);
             }
         }
     }
 }
 
 #[test]
-fn epigraphs_agree() {
+fn largest_dilatations_agree_whatever_comes_before_the_barrier() {
     for problem in problems() {
         let ours = problem.max_k(&problem.solve(Engine::Newton, Objective::Max, 1e-6));
-        for engine in [Engine::Slsqp, Engine::Mma, Engine::Ccsaq] {
+        for engine in [Engine::Lbfgs, Engine::NewtonCg, Engine::TrustRegion] {
             let theirs = problem.max_k(&problem.solve(engine, Objective::Max, 1e-6));
-            println!("   {:e}", theirs / ours - 1.0);
+            assert!((theirs / ours - 1.0).abs() < 1e-5, "{}, {engine}: {theirs} against {ours}", problem.name);
+        }
+    }
+}
+
+#[cfg(feature = "nlopt")]
+const EPIGRAPH: [Engine; 3] = [Engine::Mma, Engine::Ccsaq, Engine::Slsqp];
+
+#[cfg(feature = "nlopt")]
+#[test]
+fn epigraph_forms_agree_with_the_barrier() {
+    for problem in problems() {
+        let ours = problem.max_k(&problem.solve(Engine::Newton, Objective::Max, 1e-6));
+        for engine in EPIGRAPH {
+            let theirs = problem.max_k(&problem.solve(engine, Objective::Max, 1e-6));
+            assert!((theirs / ours - 1.0).abs() < 1e-3, "{}, {engine}: {theirs} against {ours}", problem.name);
+        }
+    }
+}
+
+#[test]
+fn two_runs_are_equal_to_the_bit() {
+    let problem = problems().pop().unwrap();
+    let mut cases = vec![Engine::Newton, Engine::Lbfgs, Engine::NewtonCg, Engine::TrustRegion];
+    #[cfg(feature = "nlopt")]
+    cases.extend(EPIGRAPH);
+    for engine in cases {
+        let run = || problem.solve(engine, Objective::Max, 1e-6).positions;
+        assert_eq!(run(), run(), "{engine}");
+    }
+}
+
+#[cfg(feature = "nlopt")]
+#[test]
+fn epigraph_engines_refuse_what_they_cannot_do_and_say_what_can() {
+    let large = Problem::new("large cube", Solid::Cube, Vec3::zeros(), 2, 2);
+    let run = |objective, engine| {
+        let settings = OptimizeSettings { objective, engine, ..OptimizeSettings::default() };
+        let fixed = large.domain.boundary().vertex_mask();
+        optimize(&large.domain, &large.start, fixed, &settings, &mut |_| {}).unwrap_err().to_string()
+    };
+    for engine in EPIGRAPH {
+        let message = run(Objective::Max, engine);
+        assert!(message.contains("768") && message.contains("newton"), "{message}");
+        let message = run(Objective::SoftMax(4.0), engine);
+        assert!(message.contains("largest K only") && message.contains("trust-region"), "{message}");
+    }
+}
+
+#[cfg(feature = "nlopt")]
+#[test]
+fn limits_end_the_epigraph_engines() {
+    let problem = problems().pop().unwrap();
+    for (max_iterations, time_limit, stop) in
+        [(20, None, StopReason::IterationLimit), (10_000, Some(Duration::from_nanos(1)), StopReason::TimeLimit)]
+    {
+        for engine in EPIGRAPH {
+            let settings = OptimizeSettings {
+                engine,
+                max_iterations,
+                time_limit,
+                tolerance: 1e-12,
+                ..OptimizeSettings::default()
+            };
+            let fixed = problem.domain.boundary().vertex_mask();
+            let outcome = optimize(&problem.domain, &problem.start, fixed, &settings, &mut |_| {}).unwrap();
+            assert_eq!(outcome.stop, stop, "{engine}");
         }
     }
 }

@@ -6,8 +6,8 @@ use super::error::{ConfigError, EXAMPLE, Fault};
 use super::limits::{duration, positive, whole};
 use super::mesh::{self, MeshPlan};
 use super::{
-    CentreName, CentreValue, Config, ConfigSource, ExponentName, ExponentValue, MapKind, MeshKind,
-    ObjectiveName, PolishName, solid,
+    CentreName, CentreValue, Config, ConfigSource, ExponentName, ExponentValue, MapKind, MeshKind, ObjectiveName,
+    PolishName, solid,
 };
 use crate::mesh::Vec3;
 use crate::mesh::io::holds_a_surface;
@@ -194,7 +194,11 @@ fn optimize(config: &Config) -> Result<OptimizeSettings, Fault> {
         }
     };
     if let Err(error) = table.engine.check(objective) {
-        return Err(Fault::at(&["optimize", "engine"], error.to_string(), "\"newton\" is for every objective and size"));
+        return Err(Fault::at(
+            &["optimize", "engine"],
+            error.to_string(),
+            "\"newton\" is for every objective and size",
+        ));
     }
     let key = ["optimize", "max_iterations"];
     Ok(OptimizeSettings {

@@ -61,8 +61,7 @@ pub(super) fn soft_max_phase(
     recorder: &mut Recorder<'_>,
 ) -> PhaseEnd {
     let phase = Phase { assembly: &RefCell::new(assembly), exponent, tolerance, unit: half_extent(image) };
-    let line_search =
-        || BacktrackingLineSearch::new(ArmijoCondition::new(1e-4).expect("the constant lies in (0, 1)"));
+    let line_search = || BacktrackingLineSearch::new(ArmijoCondition::new(1e-4).expect("the constant lies in (0, 1)"));
     match solver {
         ArgminSolver::Lbfgs => {
             let traits = Traits { name: "L-BFGS", scale: 1.0, rejections: 0 };

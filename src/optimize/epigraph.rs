@@ -19,8 +19,6 @@ const VIOLATION: f64 = 1e-9;
 const FIRST_STEP: f64 = 0.05;
 /// Distance of the first bound above the present ln max K, so that the start is inside.
 const FIRST_SLACK: f64 = 1e-3;
-/// Restarts, which forget the approximations, that may gain less than the tolerance before the end.
-const RESTARTS: usize = 1;
 
 /// The algorithm of an engine that solves the epigraph form.
 pub(super) fn algorithm(engine: Engine) -> Option<Algorithm> {
@@ -32,46 +30,26 @@ pub(super) fn algorithm(engine: Engine) -> Option<Algorithm> {
     }
 }
 
-/// Minimises ln max K from `image` until a restart gains less than `tolerance`.
+/// Minimises ln max K from `image` until NLopt sees t change by less than `tolerance`. There are no restarts: from an optimum
+/// the dual problems of MMA and CCSAQ take minutes, since the crate cannot loosen their tolerance.
 ///
 /// One row is recorded for each evaluation with gradients at a map without a flipped tet; the best of them counts, by its
 /// measured K, not NLopt's t.
 pub(super) fn epigraph_phase(
     algorithm: Algorithm,
     assembly: &Assembly<'_>,
-    image: &mut Vec<Vec3>,
+    image: &[Vec3],
     tolerance: f64,
     recorder: &mut Recorder<'_>,
 ) -> PhaseEnd {
-    let mut idle = 0;
-    while idle <= RESTARTS {
-        let before = recorder.best_k.ln();
-        image.clone_from(&recorder.best);
-        let interrupted = run(algorithm, assembly, image, tolerance, recorder);
-        if interrupted {
-            return PhaseEnd::Interrupted;
-        }
-        idle = if before - recorder.best_k.ln() < tolerance { idle + 1 } else { 0 };
-    }
-    PhaseEnd::Converged
-}
-
-/// One run of NLopt; whether a limit ended it.
-fn run(
-    algorithm: Algorithm,
-    assembly: &Assembly<'_>,
-    start: &[Vec3],
-    tolerance: f64,
-    recorder: &mut Recorder<'_>,
-) -> bool {
-    let Some(largest) = assembly.largest_log(start) else { return false };
+    let Some(largest) = assembly.largest_log(image) else { return PhaseEnd::NoProgress };
     let evaluations_left = (recorder.max_iterations + 1).saturating_sub(recorder.rows.len());
     let time_left = recorder.time_left();
     let domain = assembly.domain();
     let tets = domain.mesh().tets();
-    let unit = half_extent(start);
+    let unit = half_extent(image);
     let count = 3 * assembly.free().len() + 1;
-    let mut unknown_of = vec![None; start.len()];
+    let mut unknown_of = vec![None; image.len()];
     for (unknown, &vertex) in assembly.free().iter().enumerate() {
         unknown_of[vertex as usize] = Some(unknown);
     }
@@ -85,9 +63,8 @@ fn run(
     let recorder = RefCell::new(recorder);
     let constraints = |result: &mut [f64], x: &[f64], gradient: Option<&mut [f64]>, _: &mut ()| {
         let (displacement, bound) = (&x[..count - 1], x[count - 1]);
-        let image = moved(assembly, start, displacement, unit);
-        let functions: Vec<_> =
-            (0..tets.len() as u32).map(|tet| log_dilatations(domain, TetId(tet), &image)).collect();
+        let image = moved(assembly, image, displacement, unit);
+        let functions: Vec<_> = (0..tets.len() as u32).map(|tet| log_dilatations(domain, TetId(tet), &image)).collect();
         for (values, functions) in result.chunks_exact_mut(2).zip(&functions) {
             for side in 0..2 {
                 values[side] = functions.map_or(FLIPPED, |functions| functions[side].value - bound);
@@ -122,12 +99,15 @@ fn run(
         set.push(solver.set_maxtime(left.as_secs_f64().max(1e-3)));
     }
     if set.iter().any(Result::is_err) {
-        return false;
+        return PhaseEnd::NoProgress;
     }
     let mut x = vec![0.0; count];
     x[count - 1] = 3.0 * largest + FIRST_SLACK;
     // Failures are ends like others: SLSQP says RoundoffLimited at an optimum, and the best iterate is kept.
-    matches!(solver.optimize(&mut x), Ok((SuccessState::MaxEvalReached | SuccessState::MaxTimeReached, _)))
+    match solver.optimize(&mut x) {
+        Ok((SuccessState::MaxEvalReached | SuccessState::MaxTimeReached, _)) => PhaseEnd::Interrupted,
+        _ => PhaseEnd::Converged,
+    }
 }
 
 fn name(algorithm: Algorithm) -> &'static str {

@@ -103,10 +103,14 @@ pub enum OptimizeError {
     #[error("the Newton system of this mesh cannot be held: {0}")]
     System(#[from] SparseError),
     /// An engine of NLopt in a build without it.
-    #[error("this build has no NLopt, which the engine \"{0}\" belongs to: build with the feature \"nlopt\", or use the engine \"newton\"")]
+    #[error(
+        "this build has no NLopt, which the engine \"{0}\" belongs to: build with the feature \"nlopt\", or use the engine \"newton\""
+    )]
     NoNlopt(Engine),
     /// An engine for the largest K only.
-    #[error("the engine \"{0}\" minimizes the largest K only: for soft maxima use \"newton\", \"lbfgs\", \"newton-cg\" or \"trust-region\"")]
+    #[error(
+        "the engine \"{0}\" minimizes the largest K only: for soft maxima use \"newton\", \"lbfgs\", \"newton-cg\" or \"trust-region\""
+    )]
     NotForSoftMax(Engine),
     /// More tets than the engine can handle in minutes.
     #[error("the engine \"{engine}\" handles at most {most} tets, this mesh has {tets}: use the engine \"newton\"")]
@@ -265,9 +269,7 @@ fn continuation(
         |assembly: &mut Assembly<'_>, image: &mut Vec<Vec3>, exponent, tolerance, recorder: &mut Recorder<'_>| {
             match settings.engine.soft_max_solver() {
                 None => newton::soft_max_phase(assembly, image, exponent, tolerance, recorder),
-                Some(solver) => {
-                    argmin_phase::soft_max_phase(solver, assembly, image, exponent, tolerance, recorder)
-                }
+                Some(solver) => argmin_phase::soft_max_phase(solver, assembly, image, exponent, tolerance, recorder),
             }
         };
     let last = match settings.objective {
