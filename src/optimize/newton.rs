@@ -29,6 +29,7 @@ pub(super) fn soft_max_phase(
     recorder: &mut Recorder<'_>,
 ) -> PhaseEnd {
     let phase = format!("p={exponent}");
+    let mut shift = Shift::new();
     loop {
         let Some(largest) = assembly.largest_log(image) else { return PhaseEnd::NoProgress };
         let energy = SoftMax::new(exponent, largest);
@@ -36,7 +37,7 @@ pub(super) fn soft_max_phase(
         else {
             return PhaseEnd::NoProgress;
         };
-        let Some(direction) = newton_direction(assembly, &gradient) else { return PhaseEnd::NoProgress };
+        let Some(direction) = shift.newton_direction(assembly, &gradient) else { return PhaseEnd::NoProgress };
         let decrement = -dot(&gradient, &direction) / sum;
         if decrement <= 0.0 {
             return PhaseEnd::Converged;
@@ -58,31 +59,38 @@ pub(super) fn soft_max_phase(
     }
 }
 
-/// Solves the assembled system for the step -H^-1 g; `None` if no shift makes the matrix positive definite.
-///
-/// At high exponents most tets have no weight at all and their vertices' rows vanish: the smallest shift of the diagonal
-/// that factorises, from 1e-13 of its largest entry, leaves such vertices where they are.
-pub(super) fn newton_direction(assembly: &mut Assembly<'_>, gradient: &[f64]) -> Option<Vec<f64>> {
-    factorize_shifted(assembly)?;
-    let mut direction: Vec<f64> = gradient.iter().map(|g| -g).collect();
-    assembly.system().solve(&mut direction);
-    direction.iter().all(|d| d.is_finite()).then_some(direction)
-}
+/// The smallest relative shift of the diagonal that is tried: the rounding of a semidefinite matrix.
+const SMALLEST_SHIFT: f64 = 1e-13;
 
-/// Factorises the assembled system after the smallest diagonal shift that makes it positive definite.
-pub(super) fn factorize_shifted(assembly: &mut Assembly<'_>) -> Option<()> {
-    let system = assembly.system();
-    let largest = system.largest_diagonal();
-    let mut shift = 1e-13 * largest;
-    system.shift_diagonal(shift);
-    while system.factorize().is_err() {
-        if shift >= largest {
-            return None;
-        }
-        system.shift_diagonal(99.0 * shift);
-        shift *= 100.0;
+/// The relative shift of the diagonal that factorised last, from which the next search starts.
+pub(super) struct Shift(f64);
+
+impl Shift {
+    pub(super) fn new() -> Self {
+        Self(SMALLEST_SHIFT)
     }
-    Some(())
+
+    /// Solves the assembled system for the step -H^-1 g; `None` if no shift makes the matrix positive definite.
+    ///
+    /// At high exponents most tets have no weight at all and their vertices' rows vanish: the smallest shift of the diagonal
+    /// that factorises, relative to its largest entry, leaves such vertices where they are. It changes little from step to
+    /// step, and a failed factorisation costs as much as a good one, so the search starts a little below the last one.
+    pub(super) fn newton_direction(&mut self, assembly: &mut Assembly<'_>, gradient: &[f64]) -> Option<Vec<f64>> {
+        let system = assembly.system();
+        let largest = system.largest_diagonal();
+        self.0 = (0.1 * self.0).max(SMALLEST_SHIFT);
+        system.shift_diagonal(self.0 * largest);
+        while system.factorize().is_err() {
+            if self.0 >= 1.0 {
+                return None;
+            }
+            system.shift_diagonal(99.0 * self.0 * largest);
+            self.0 *= 100.0;
+        }
+        let mut direction: Vec<f64> = gradient.iter().map(|g| -g).collect();
+        system.solve(&mut direction);
+        direction.iter().all(|d| d.is_finite()).then_some(direction)
+    }
 }
 
 /// Fills and factorises the system of an energy, lowering `negative` until it is positive definite; the gradient.

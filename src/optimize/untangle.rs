@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use super::newton::{dot, line_search, newton_direction};
+use super::newton::{Shift, dot, line_search};
 use super::{OptimizeError, TraceRow};
 use crate::domain::Domain;
 use crate::mesh::{Orientation, TetId, Vec3, orientation};
@@ -61,6 +61,7 @@ pub fn untangle(
     let clock = Instant::now();
     let mut assembly = Assembly::new(domain, fixed)?;
     let mut image = start.to_vec();
+    let mut shift = Shift::new();
     let least = |assembly: &Assembly<'_>, image: &[Vec3]| {
         assembly.singular_values(image).iter().map(|s| s[0] * s[1] * s[2]).fold(f64::INFINITY, f64::min)
     };
@@ -71,7 +72,7 @@ pub fn untangle(
         let Some(before) = assembly.value(&energy, &image) else { break };
         let mut after = before;
         for _ in 0..STEPS {
-            let Some((value, step)) = newton_step(&mut assembly, &energy, &mut image, after) else { break };
+            let Some((value, step)) = newton_step(&mut assembly, &energy, &mut image, after, &mut shift) else { break };
             let fall = (after - value) / after;
             after = value;
             best.iterations += 1;
@@ -128,9 +129,10 @@ fn newton_step(
     energy: &Untangling,
     image: &mut Vec<Vec3>,
     value: f64,
+    shift: &mut Shift,
 ) -> Option<(f64, f64)> {
     let gradient = assembly.linearize(energy, image, 0.0)?;
-    let direction = newton_direction(assembly, &gradient)?;
+    let direction = shift.newton_direction(assembly, &gradient)?;
     let slope = dot(&gradient, &direction);
     let (step, value, trial) = line_search(assembly, energy, image, &direction, 1.0, |trial, step| {
         trial <= value + ARMIJO * step * slope && trial < value

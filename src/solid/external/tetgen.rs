@@ -36,11 +36,13 @@ pub(super) fn mesh(job: &Job, max_volume: Option<f64>) -> Result<TetSoup, Extern
     Ok(soup)
 }
 
-/// p: fill the complex; Y: keep its triangles; q: quality; a: volume; m: sizes; g: write Medit, whose 17 digits are
+/// p: fill the complex; M: merge no facets; Y: keep its triangles; q: quality; a: volume; m: sizes; g: write Medit, whose 17 digits are
 /// exact; N, E, F: none of the other files; I: no counter in the file's name.
 fn switches(job: &Job, max_volume: Option<f64>) -> String {
     let settings = job.settings;
-    let mut switches = String::from("-p");
+    // M: by default TetGen merges triangles that bend by less than 0.1 degree, and so changes the solid: three of 100 random
+    // polyhedra lost up to 1e-6 of their volume.
+    let mut switches = String::from("-pM");
     if settings.keep_boundary {
         switches.push('Y');
     }
@@ -67,8 +69,7 @@ fn explanation(job: &Job) -> Option<String> {
     (status.success() && words.contains("are intersecting") && !words.contains("No faces")).then_some(words)
 }
 
-/// The surface as TetGen's .poly, a facet for each triangle; TetGen itself merges coplanar ones unless told to keep
-/// them.
+/// The surface as TetGen's .poly, a facet for each triangle.
 fn poly(surface: &Surface) -> String {
     let mut text = format!("{} 3 0 0\n", surface.points().len());
     for (number, p) in surface.points().iter().enumerate() {
