@@ -292,6 +292,7 @@ fn continuation(
     recorder.progress = share;
     #[cfg(feature = "nlopt")]
     if let Some(algorithm) = epigraph::algorithm(settings.engine) {
+        image.clone_from(&recorder.best);
         return (epigraph::epigraph_phase(algorithm, assembly, image, settings.tolerance, recorder), None);
     }
     match settings.objective {
