@@ -40,9 +40,9 @@ pub(crate) struct OptimizeArguments {
     /// Minimize the soft maximum with this exponent instead of the largest K.
     #[arg(long, value_name = "P", value_parser = positive)]
     soft_max: Option<f64>,
-    /// Use argmin's L-BFGS instead of Newton for the soft maxima.
-    #[arg(long)]
-    lbfgs: bool,
+    /// The method that moves the vertices.
+    #[arg(long, value_name = "NAME", value_enum, default_value_t)]
+    engine: Engine,
     /// Do not lower the mean under a cap after the largest K is settled.
     #[arg(long)]
     no_polish: bool,
@@ -87,7 +87,7 @@ pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure>
     };
     let settings = OptimizeSettings {
         objective: arguments.soft_max.map_or(Objective::Max, Objective::SoftMax),
-        engine: if arguments.lbfgs { Engine::Lbfgs } else { Engine::Newton },
+        engine: arguments.engine,
         polish: if arguments.no_polish { Polish::None } else { Polish::Mean },
         tolerance: arguments.tolerance,
         max_iterations: arguments.max_iterations,

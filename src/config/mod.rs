@@ -21,6 +21,8 @@ pub use source::ConfigSource;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use crate::optimize::Engine;
+
 /// A qcball config file, key by key as typed.
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -223,8 +225,9 @@ pub struct OptimizeTable {
     /// Exponent p > 0 of the objective "soft-max", which needs it and alone takes it.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub exponent: Option<f64>,
-    /// The method that moves the vertices. Default: "newton", projected Newton with a sparse factorization.
-    pub engine: EngineName,
+    /// The method that moves the vertices. Default: "newton", projected Newton with a sparse factorization. "lbfgs",
+    /// "newton-cg" and "trust-region" minimize the soft maxima; "mma", "ccsaq" and "slsqp" the largest K, on small meshes.
+    pub engine: Engine,
     /// What follows the objective "max" when the largest K is settled: "mean" (the default) lowers the mean while the
     /// largest K may rise by 0.02 %, "none" does nothing.
     pub polish: Option<PolishName>,
@@ -237,17 +240,6 @@ pub struct OptimizeTable {
     /// Most seconds of optimizing, > 0. Default: no limit. A run that ends by it need not be repeatable.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub time_limit: Option<f64>,
-}
-
-/// The method that moves the vertices.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum EngineName {
-    /// Projected Newton with a sparse factorization.
-    #[default]
-    Newton,
-    /// Limited-memory BFGS.
-    Lbfgs,
 }
 
 /// What follows a settled largest K.

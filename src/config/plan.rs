@@ -6,12 +6,12 @@ use super::error::{ConfigError, EXAMPLE, Fault};
 use super::limits::{duration, positive, whole};
 use super::mesh::{self, MeshPlan};
 use super::{
-    CentreName, CentreValue, Config, ConfigSource, EngineName, ExponentName, ExponentValue, MapKind, MeshKind,
-    ObjectiveName, PolishName, solid,
+    CentreName, CentreValue, Config, ConfigSource, ExponentName, ExponentValue, MapKind, MeshKind, ObjectiveName,
+    PolishName, solid,
 };
 use crate::mesh::Vec3;
 use crate::mesh::io::holds_a_surface;
-use crate::optimize::{Engine, Objective, OptimizeSettings, Polish};
+use crate::optimize::{Objective, OptimizeSettings, Polish};
 use crate::solid::{CentreChoice, Solid};
 
 /// A run that can be started.
@@ -193,13 +193,17 @@ pub(super) fn optimize(config: &Config) -> Result<OptimizeSettings, Fault> {
             return Err(Fault::at(&["optimize", "objective"], message, "add for example exponent = 48"));
         }
     };
+    if let Err(error) = table.engine.check(objective) {
+        return Err(Fault::at(
+            &["optimize", "engine"],
+            error.to_string(),
+            "\"newton\" is for every objective and size",
+        ));
+    }
     let key = ["optimize", "max_iterations"];
     Ok(OptimizeSettings {
         objective,
-        engine: match table.engine {
-            EngineName::Newton => Engine::Newton,
-            EngineName::Lbfgs => Engine::Lbfgs,
-        },
+        engine: table.engine,
         polish: match (table.polish, table.objective) {
             (None, _) => default.polish,
             (Some(PolishName::Mean), ObjectiveName::Max) => Polish::Mean,

@@ -309,3 +309,12 @@ proptest::proptest! {
         let _ = plan("", &[&text]);
     }
 }
+
+#[cfg(feature = "nlopt")]
+#[test]
+fn an_engine_for_the_largest_k_is_refused_for_soft_maxima() {
+    let start = "[domain]\nsolid = \"cube\"\n[optimize]\nengine = \"slsqp\"\n";
+    assert_eq!(plan(start, &[]).unwrap().optimize.engine, Engine::Slsqp);
+    let message = plan(&format!("{start}objective = \"soft-max\"\nexponent = 4\n"), &[]).unwrap_err().to_string();
+    assert!(message.contains("slsqp") && message.contains("largest K only"), "{message}");
+}

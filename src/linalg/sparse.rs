@@ -112,6 +112,26 @@ impl BlockCholesky {
         &mut self.values
     }
 
+    /// The product of the matrix of the present values with a vector.
+    pub fn multiply(&self, vector: &[f64]) -> Vec<f64> {
+        let mut product = vec![0.0; vector.len()];
+        for column in 0..self.block_count() {
+            let (start, end) = (self.column_starts[column], self.column_starts[column + 1]);
+            for (k, &row) in self.rows[start..end].iter().enumerate() {
+                let row = row as usize;
+                for (r, c) in (0..9).map(|i| (i % 3, i / 3)) {
+                    let entry = self.values[9 * start + c * 3 * (end - start) + 3 * k + r];
+                    product[3 * row + r] += entry * vector[3 * column + c];
+                    // Only the lower triangle is stored, but diagonal blocks whole.
+                    if row != column {
+                        product[3 * column + c] += entry * vector[3 * row + r];
+                    }
+                }
+            }
+        }
+        product
+    }
+
     /// Adds `shift` times the identity to the matrix.
     pub fn shift_diagonal(&mut self, shift: f64) {
         for column in 0..self.block_count() {
@@ -229,6 +249,9 @@ mod tests {
         }
         let expected = nalgebra::DVector::from_fn(3 * count, |i, _| (i as f64 * 0.7).sin());
         let mut solution = (&dense * &expected).data.as_vec().clone();
+        for (got, want) in system.multiply(expected.as_slice()).iter().zip(&solution) {
+            assert!((got - want).abs() < 1e-13);
+        }
         system.factorize().unwrap();
         system.solve(&mut solution);
         // Condition number below 100, 75 unknowns: 1e-12 leaves a factor of about 100 over eps * condition.

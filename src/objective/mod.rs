@@ -8,6 +8,7 @@ mod assembly;
 mod barrier;
 mod capped_mean;
 mod element;
+mod extremes;
 mod soft_max;
 mod untangling;
 
@@ -15,6 +16,7 @@ pub use assembly::Assembly;
 pub use barrier::Barrier;
 pub use capped_mean::CappedMean;
 pub use element::{ElementDerivatives, Spectrum, centred_logs};
+pub use extremes::{TetFunction, log_dilatations};
 pub use soft_max::SoftMax;
 pub use untangling::Untangling;
 

@@ -3,23 +3,28 @@
 //! The minimax problem min max K is approached through soft maxima E_p of growing exponent p and ended by a logarithmic
 //! barrier (design.md §5.4). Every accepted step keeps all image determinants positive, so a bijective start stays one.
 
+mod argmin_phase;
 mod barrier;
-mod lbfgs;
+mod displacement;
+mod engine;
+#[cfg(feature = "nlopt")]
+mod epigraph;
 mod newton;
 mod polish;
+mod recorder;
 mod untangle;
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::dilatation::Dilatation;
 use crate::domain::Domain;
 use crate::linalg::SparseError;
 use crate::mesh::Vec3;
 use crate::objective::Assembly;
+pub use engine::{Engine, MOST_TETS_CONSERVATIVE, MOST_TETS_QUADRATIC};
 use newton::PhaseEnd;
+use recorder::{Progress, Recorder};
 pub use untangle::{Untangled, flipped_tets, untangle};
 
 /// Exponents of the continuation, each phase started from the last. Steps of about three: with larger ones the next
@@ -27,6 +32,9 @@ pub use untangle::{Untangled, flipped_tets, untangle};
 const EXPONENTS: [f64; 7] = [1.0, 4.0, 16.0, 48.0, 128.0, 384.0, 1024.0];
 /// The exponents up to here come before the barrier; higher ones only push up the mean that the barrier lowers again.
 const LAST_BEFORE_BARRIER: f64 = 384.0;
+/// The same for the engines that solve the epigraph form themselves; with max K still in the hundreds, as at radial starts,
+/// their linear and quadratic models lead nowhere.
+const LAST_BEFORE_EPIGRAPH: f64 = 48.0;
 /// Share of the time up to the barrier on the meshes of 10,000 tets tried: 0.1 to 0.4.
 const SHARE_BEFORE_BARRIER: f64 = 0.2;
 /// Share of the time up to the last phase of a soft maximum; a rough guess is all a progress bar needs.
@@ -44,15 +52,6 @@ pub enum Objective {
     Max,
     /// The soft maximum E_p with this exponent p > 0.
     SoftMax(f64),
-}
-
-/// Which algorithm minimises the soft maxima.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Engine {
-    /// Projected Newton with a sparse Cholesky factorisation.
-    Newton,
-    /// argmin's L-BFGS.
-    Lbfgs,
 }
 
 /// What is done after the largest K is settled.
@@ -103,6 +102,26 @@ pub enum OptimizeError {
     /// The Newton system does not fit.
     #[error("the Newton system of this mesh cannot be held: {0}")]
     System(#[from] SparseError),
+    /// An engine of NLopt in a build without it.
+    #[error(
+        "this build has no NLopt, which the engine \"{0}\" belongs to: build with the feature \"nlopt\", or use the engine \"newton\""
+    )]
+    NoNlopt(Engine),
+    /// An engine for the largest K only.
+    #[error(
+        "the engine \"{0}\" minimizes the largest K only: for soft maxima use \"newton\", \"lbfgs\", \"newton-cg\" or \"trust-region\""
+    )]
+    NotForSoftMax(Engine),
+    /// More tets than the engine can handle in minutes.
+    #[error("the engine \"{engine}\" handles at most {most} tets, this mesh has {tets}: use the engine \"newton\"")]
+    TooManyTets {
+        /// The engine.
+        engine: Engine,
+        /// Its limit.
+        most: usize,
+        /// Number of tets.
+        tets: usize,
+    },
 }
 
 /// Why an optimisation ended. A reason, never an error: bad input is refused before.
@@ -189,7 +208,7 @@ impl Outcome {
 /// Moves the vertices with `fixed[vertex] == false` from `start` so that the objective falls; `observe` sees each row.
 ///
 /// # Errors
-/// A flipped start, or a system that cannot be held.
+/// A flipped start, a system that cannot be held, or an engine that cannot do it.
 pub fn optimize(
     domain: &Domain,
     start: &[Vec3],
@@ -197,6 +216,8 @@ pub fn optimize(
     settings: &OptimizeSettings,
     observe: &mut dyn FnMut(&TraceRow),
 ) -> Result<Outcome, OptimizeError> {
+    settings.engine.check(settings.objective)?;
+    settings.engine.check_size(domain.mesh().tets().len())?;
     let mut assembly = Assembly::new(domain, fixed)?;
     let flipped = assembly.singular_values(start).iter().filter(|s| s[2] <= 0.0).count();
     if flipped > 0 {
@@ -246,12 +267,13 @@ fn continuation(
 ) -> (PhaseEnd, Option<KktResidual>) {
     let phase =
         |assembly: &mut Assembly<'_>, image: &mut Vec<Vec3>, exponent, tolerance, recorder: &mut Recorder<'_>| {
-            match settings.engine {
-                Engine::Newton => newton::soft_max_phase(assembly, image, exponent, tolerance, recorder),
-                Engine::Lbfgs => lbfgs::soft_max_phase(assembly, image, exponent, tolerance, recorder),
+            match settings.engine.soft_max_solver() {
+                None => newton::soft_max_phase(assembly, image, exponent, tolerance, recorder),
+                Some(solver) => argmin_phase::soft_max_phase(solver, assembly, image, exponent, tolerance, recorder),
             }
         };
     let last = match settings.objective {
+        Objective::Max if settings.engine.solves_epigraph() => LAST_BEFORE_EPIGRAPH,
         Objective::Max => LAST_BEFORE_BARRIER,
         Objective::SoftMax(exponent) => exponent,
     };
@@ -268,91 +290,13 @@ fn continuation(
         }
     }
     recorder.progress = share;
+    #[cfg(feature = "nlopt")]
+    if let Some(algorithm) = epigraph::algorithm(settings.engine) {
+        image.clone_from(&recorder.best);
+        return (epigraph::epigraph_phase(algorithm, assembly, image, settings.tolerance, recorder), None);
+    }
     match settings.objective {
         Objective::Max => barrier::barrier_phase(assembly, image, settings.tolerance, recorder),
         Objective::SoftMax(exponent) => (phase(assembly, image, exponent, settings.tolerance, recorder), None),
-    }
-}
-
-/// Whether a phase goes on after an iteration was recorded.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Progress {
-    Continue,
-    Stop,
-}
-
-/// Measures each iterate, keeps the best one and the trace, and watches the limits.
-struct Recorder<'a> {
-    domain: &'a Domain,
-    start: Instant,
-    max_iterations: usize,
-    time_limit: Option<Duration>,
-    observe: &'a mut dyn FnMut(&TraceRow),
-    rows: Vec<TraceRow>,
-    best: Vec<Vec3>,
-    best_k: f64,
-    mean_of_best: f64,
-    /// See [`TraceRow::progress`]; set by the phases.
-    progress: f64,
-}
-
-impl<'a> Recorder<'a> {
-    fn new(
-        domain: &'a Domain,
-        image: &[Vec3],
-        settings: &OptimizeSettings,
-        observe: &'a mut dyn FnMut(&TraceRow),
-    ) -> Self {
-        let mut recorder = Self {
-            domain,
-            start: Instant::now(),
-            max_iterations: settings.max_iterations,
-            time_limit: settings.time_limit,
-            observe,
-            rows: Vec::new(),
-            best: image.to_vec(),
-            best_k: f64::INFINITY,
-            mean_of_best: f64::INFINITY,
-            progress: 0.0,
-        };
-        recorder.record("start", f64::INFINITY, 0.0, image);
-        recorder
-    }
-
-    /// Which limit stopped it.
-    fn interruption(&self) -> StopReason {
-        if self.rows.len() > self.max_iterations { StopReason::IterationLimit } else { StopReason::TimeLimit }
-    }
-
-    fn record(&mut self, phase: &str, objective: f64, step: f64, image: &[Vec3]) -> Progress {
-        let tets = self.domain.mesh().tets().len() as u32;
-        let dilatations: Vec<f64> = (0..tets)
-            .into_par_iter()
-            .with_min_len(1024)
-            .map(|t| Dilatation::of(&self.domain.jacobian(crate::mesh::TetId(t), image)).k())
-            .collect();
-        let mean_k = dilatations.iter().sum::<f64>() / dilatations.len() as f64;
-        let max_k = dilatations.iter().copied().fold(1.0, f64::max);
-        if max_k < self.best_k {
-            self.best_k = max_k;
-            self.mean_of_best = mean_k;
-            self.best.clear();
-            self.best.extend_from_slice(image);
-        }
-        let row = TraceRow {
-            phase: phase.into(),
-            iteration: self.rows.len(),
-            objective,
-            max_k,
-            mean_k,
-            step,
-            progress: self.progress,
-            seconds: self.start.elapsed().as_secs_f64(),
-        };
-        (self.observe)(&row);
-        self.rows.push(row);
-        let out_of_time = self.time_limit.is_some_and(|limit| self.start.elapsed() >= limit);
-        // Row 0 is the start.
-        if out_of_time || self.rows.len() > self.max_iterations { Progress::Stop } else { Progress::Continue }
     }
 }

@@ -1,0 +1,99 @@
+//! What every engine reports its iterates to.
+
+use std::time::{Duration, Instant};
+
+use rayon::prelude::*;
+
+use super::{OptimizeSettings, StopReason, TraceRow};
+use crate::dilatation::Dilatation;
+use crate::domain::Domain;
+use crate::mesh::{TetId, Vec3};
+
+/// Whether a phase goes on after an iteration was recorded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Progress {
+    Continue,
+    Stop,
+}
+
+/// Measures each iterate, keeps the best one and the trace, and watches the limits.
+pub(super) struct Recorder<'a> {
+    domain: &'a Domain,
+    start: Instant,
+    pub(super) max_iterations: usize,
+    time_limit: Option<Duration>,
+    observe: &'a mut dyn FnMut(&TraceRow),
+    pub(super) rows: Vec<TraceRow>,
+    pub(super) best: Vec<Vec3>,
+    pub(super) best_k: f64,
+    pub(super) mean_of_best: f64,
+    /// See [`TraceRow::progress`]; set by the phases.
+    pub(super) progress: f64,
+}
+
+impl<'a> Recorder<'a> {
+    pub(super) fn new(
+        domain: &'a Domain,
+        image: &[Vec3],
+        settings: &OptimizeSettings,
+        observe: &'a mut dyn FnMut(&TraceRow),
+    ) -> Self {
+        let mut recorder = Self {
+            domain,
+            start: Instant::now(),
+            max_iterations: settings.max_iterations,
+            time_limit: settings.time_limit,
+            observe,
+            rows: Vec::new(),
+            best: image.to_vec(),
+            best_k: f64::INFINITY,
+            mean_of_best: f64::INFINITY,
+            progress: 0.0,
+        };
+        recorder.record("start", f64::INFINITY, 0.0, image);
+        recorder
+    }
+
+    /// Which limit stopped it.
+    pub(super) fn interruption(&self) -> StopReason {
+        // NLopt counts evaluations, of which there may be more than rows: the time tells.
+        let out_of_time = self.time_left().is_some_and(|left| left.is_zero());
+        if out_of_time { StopReason::TimeLimit } else { StopReason::IterationLimit }
+    }
+
+    pub(super) fn time_left(&self) -> Option<Duration> {
+        self.time_limit.map(|limit| limit.saturating_sub(self.start.elapsed()))
+    }
+
+    pub(super) fn record(&mut self, phase: &str, objective: f64, step: f64, image: &[Vec3]) -> Progress {
+        let tets = self.domain.mesh().tets().len() as u32;
+        let dilatations: Vec<f64> = (0..tets)
+            .into_par_iter()
+            .with_min_len(1024)
+            .map(|t| Dilatation::of(&self.domain.jacobian(TetId(t), image)).k())
+            .collect();
+        let mean_k = dilatations.iter().sum::<f64>() / dilatations.len() as f64;
+        let max_k = dilatations.iter().copied().fold(1.0, f64::max);
+        if max_k < self.best_k {
+            self.best_k = max_k;
+            self.mean_of_best = mean_k;
+            self.best.clear();
+            self.best.extend_from_slice(image);
+        }
+        let row = TraceRow {
+            phase: phase.into(),
+            iteration: self.rows.len(),
+            objective,
+            max_k,
+            mean_k,
+            step,
+            progress: self.progress,
+            seconds: self.start.elapsed().as_secs_f64(),
+        };
+        (self.observe)(&row);
+        self.rows.push(row);
+        let out_of_time = self.time_left().is_some_and(|left| left.is_zero());
+        // Row 0 is the start.
+        if out_of_time || self.rows.len() > self.max_iterations { Progress::Stop } else { Progress::Continue }
+    }
+}

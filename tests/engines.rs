@@ -1,0 +1,157 @@
+//! One suite for all engines: the same small problems, the same answers.
+
+use std::time::{Duration, Instant};
+
+use qcball::map::{RadialCoordinates, caraman};
+use qcball::optimize::{Engine, Objective, OptimizeSettings, Outcome, Polish, StopReason};
+use qcball::solid::{ShellSettings, Solid, shell_mesh};
+use qcball::{Domain, Vec3, measure, optimize};
+
+struct Problem {
+    name: &'static str,
+    domain: Domain,
+    start: Vec<Vec3>,
+}
+
+impl Problem {
+    fn new(name: &'static str, solid: Solid, offset: Vec3, subdivisions: u32, layers: u32) -> Self {
+        let surface = solid.surface().unwrap();
+        let settings = ShellSettings { subdivisions, refinement: None, layers, grading: 1.0 };
+        let shell = shell_mesh(&surface, surface.centroid() + offset, &settings).unwrap();
+        let start = caraman(&RadialCoordinates::of_shell(&shell), 1.0);
+        Self { name, domain: Domain::new(shell.mesh).unwrap(), start }
+    }
+
+    fn solve(&self, engine: Engine, objective: Objective, tolerance: f64) -> Outcome {
+        let settings = OptimizeSettings {
+            objective,
+            engine,
+            polish: Polish::None,
+            tolerance,
+            max_iterations: 20_000,
+            ..OptimizeSettings::default()
+        };
+        let clock = Instant::now();
+        let outcome =
+            optimize(&self.domain, &self.start, self.domain.boundary().vertex_mask(), &settings, &mut |_| {}).unwrap();
+        let measured = measure(&self.domain, &outcome.positions).summary;
+        let (rows, seconds) = (outcome.trace.len() - 1, clock.elapsed().as_secs_f64());
+        println!(
+            "{} ({} tets), {engine}, {objective:?}: max K {:.9}, objective {:.10}, {rows} rows, {seconds:.2} s, {:?}",
+            self.name,
+            self.domain.mesh().tets().len(),
+            measured.max_k,
+            outcome.trace[rows].objective,
+            outcome.stop
+        );
+        assert_eq!(measured.flipped, 0);
+        outcome
+    }
+
+    fn max_k(&self, outcome: &Outcome) -> f64 {
+        measure(&self.domain, &outcome.positions).summary.max_k
+    }
+}
+
+fn problems() -> Vec<Problem> {
+    vec![
+        Problem::new("tetrahedron", Solid::Tetrahedron, Vec3::zeros(), 1, 2),
+        Problem::new("off-centre tetrahedron", Solid::Tetrahedron, Vec3::new(0.1, 0.05, -0.05), 1, 2),
+        Problem::new("cube", Solid::Cube, Vec3::zeros(), 1, 2),
+        Problem::new("off-centre cube", Solid::Cube, Vec3::new(0.1, 0.05, -0.07), 1, 2),
+    ]
+}
+
+#[test]
+fn soft_maxima_agree() {
+    for problem in problems() {
+        for exponent in [4.0, 8.0] {
+            let solve = |engine| {
+                let outcome = problem.solve(engine, Objective::SoftMax(exponent), 1e-9);
+                outcome.trace.last().unwrap().objective
+            };
+            let ours = solve(Engine::Newton);
+            for engine in [Engine::Lbfgs, Engine::NewtonCg, Engine::TrustRegion] {
+                let difference = solve(engine) - ours;
+                assert!(difference.abs() < 1e-6, "{}, {engine}, p = {exponent}: {difference:e} in ln K", problem.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn largest_dilatations_agree_whatever_comes_before_the_barrier() {
+    for problem in problems() {
+        let ours = problem.max_k(&problem.solve(Engine::Newton, Objective::Max, 1e-6));
+        for engine in [Engine::Lbfgs, Engine::NewtonCg, Engine::TrustRegion] {
+            let theirs = problem.max_k(&problem.solve(engine, Objective::Max, 1e-6));
+            assert!((theirs / ours - 1.0).abs() < 1e-5, "{}, {engine}: {theirs} against {ours}", problem.name);
+        }
+    }
+}
+
+#[cfg(feature = "nlopt")]
+const EPIGRAPH: [Engine; 3] = [Engine::Mma, Engine::Ccsaq, Engine::Slsqp];
+
+#[cfg(feature = "nlopt")]
+#[test]
+fn epigraph_forms_agree_with_the_barrier() {
+    for problem in problems() {
+        let ours = problem.max_k(&problem.solve(Engine::Newton, Objective::Max, 1e-6));
+        for engine in EPIGRAPH {
+            let theirs = problem.max_k(&problem.solve(engine, Objective::Max, 1e-6));
+            assert!((theirs / ours - 1.0).abs() < 1e-3, "{}, {engine}: {theirs} against {ours}", problem.name);
+        }
+    }
+}
+
+#[test]
+fn two_runs_are_equal_to_the_bit() {
+    let problem = problems().pop().unwrap();
+    let mut cases = vec![Engine::Newton, Engine::Lbfgs, Engine::NewtonCg, Engine::TrustRegion];
+    #[cfg(feature = "nlopt")]
+    cases.extend(EPIGRAPH);
+    for engine in cases {
+        let run = || problem.solve(engine, Objective::Max, 1e-6).positions;
+        assert_eq!(run(), run(), "{engine}");
+    }
+}
+
+#[cfg(feature = "nlopt")]
+#[test]
+fn epigraph_engines_refuse_what_they_cannot_do_and_say_what_can() {
+    let large = Problem::new("large cube", Solid::Cube, Vec3::zeros(), 2, 2);
+    let run = |objective, engine| {
+        let settings = OptimizeSettings { objective, engine, ..OptimizeSettings::default() };
+        let fixed = large.domain.boundary().vertex_mask();
+        optimize(&large.domain, &large.start, fixed, &settings, &mut |_| {}).unwrap_err().to_string()
+    };
+    for engine in EPIGRAPH {
+        let message = run(Objective::Max, engine);
+        assert!(message.contains("768") && message.contains("newton"), "{message}");
+        let message = run(Objective::SoftMax(4.0), engine);
+        assert!(message.contains("largest K only") && message.contains("trust-region"), "{message}");
+    }
+}
+
+#[cfg(feature = "nlopt")]
+#[test]
+fn limits_end_the_epigraph_engines() {
+    let problem = problems().pop().unwrap();
+    for (max_iterations, time_limit, stop) in
+        [(20, None, StopReason::IterationLimit), (10_000, Some(Duration::from_nanos(1)), StopReason::TimeLimit)]
+    {
+        for engine in EPIGRAPH {
+            let settings = OptimizeSettings {
+                engine,
+                max_iterations,
+                time_limit,
+                tolerance: 1e-12,
+                ..OptimizeSettings::default()
+            };
+            let fixed = problem.domain.boundary().vertex_mask();
+            let outcome = optimize(&problem.domain, &problem.start, fixed, &settings, &mut |_| {}).unwrap();
+            assert_eq!(outcome.stop, stop, "{engine}");
+        }
+    }
+}
