@@ -95,6 +95,8 @@ pub(crate) enum Failure {
     Read(#[from] ReadError),
     #[error(transparent)]
     Write(#[from] WriteError),
+    #[error("{} is read and would be written over; name another file for the result", path.display())]
+    OverInput { path: PathBuf },
     /// Standard output is closed or full; the reader of a closed pipe wants no more.
     #[error("cannot write to standard output: {0}")]
     Output(#[source] std::io::Error),

@@ -122,6 +122,13 @@ fn the_command_writes_the_image_and_the_split_domain() {
     // QIS's lock file: a count with a comment, then numbers from 0.
     let all = (0..27).map(|v| v.to_string()).collect::<Vec<_>>().join("\n");
     std::fs::write(folder.path().join("lock.txt"), format!("27 #Vertices Locked\n{all}\n")).unwrap();
+    // Nothing is written over what is read.
+    let before = std::fs::read(folder.path().join("rest.mesh")).unwrap();
+    let mut over = Command::new(assert_cmd::cargo::cargo_bin!("qcball"));
+    over.args(["optimize", &path("rest.mesh"), &path("init.mesh"), &path("rest.mesh")]);
+    let said = over.assert().code(2).get_output().stderr.clone();
+    assert!(String::from_utf8_lossy(&said).contains("would be written over"));
+    assert_eq!(std::fs::read(folder.path().join("rest.mesh")).unwrap(), before);
     let locked = optimize("locked.mesh", &["--lock", &path("lock.txt")]);
     assert_eq!((locked["stop"].as_str(), locked["locked"].as_u64()), (Some("nothing-free"), Some(48)));
 }

@@ -31,7 +31,7 @@ pub(crate) struct OptimizeArguments {
     #[arg(
         long,
         value_name = "CONFIG.toml",
-        conflicts_with_all = ["soft_max", "lbfgs", "no_polish", "tolerance", "max_iterations", "time_limit"],
+        conflicts_with_all = ["soft_max", "engine", "no_polish", "tolerance", "max_iterations", "time_limit"],
     )]
     config: Option<PathBuf>,
     /// Split no tet, even if all its vertices are fixed.
@@ -79,6 +79,7 @@ fn positive(text: &str) -> Result<f64, String> {
 /// `qcball optimize`.
 pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure> {
     check_tets_can_be_written(&arguments.out)?;
+    check_inputs_are_kept(arguments)?;
     let from_config = arguments.config.as_deref().map(optimize_settings).transpose()?;
     let map = read_map(&arguments.rest, &arguments.init)?;
     let fixed = match &arguments.lock {
@@ -119,6 +120,16 @@ pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure>
         print(&format!("{}image       {written}\n", map_summary(&optimized.report)))?;
     }
     Ok(if optimized.report.last.flipped == 0 { Ending::Done } else { Ending::Unfulfilled })
+}
+
+/// Refuses to write over what is read: the inputs may have no other copy.
+fn check_inputs_are_kept(arguments: &OptimizeArguments) -> Result<(), Failure> {
+    let inputs = [Some(&arguments.rest), Some(&arguments.init), arguments.lock.as_ref()];
+    let outputs = [arguments.out.clone(), beside(&arguments.out)];
+    // What does not exist yet is no input.
+    let same = |a: &Path, b: &Path| matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b);
+    let hit = inputs.into_iter().flatten().find(|input| outputs.iter().any(|output| same(input, output)));
+    hit.map_or(Ok(()), |input| Err(Failure::OverInput { path: input.clone() }))
 }
 
 /// `image.mesh` -> `image-domain.mesh`.

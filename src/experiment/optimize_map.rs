@@ -96,6 +96,10 @@ pub fn read_locks(path: &Path, vertices: usize) -> Result<Vec<bool>, ReadError> 
         Some(count) if count != found => {
             Err(malformed(1, format!("{count} vertices are promised, but {found} numbers follow")))
         }
+        _ if found == 0 => Err(malformed(
+            1,
+            "no vertex is named; without fixed vertices a map only drifts: name some, or leave the file out".into(),
+        )),
         _ => Ok(fixed),
     }
 }
