@@ -1,8 +1,8 @@
 //! Gmsh's `.msh`, versions 2.2 and 4.1, text or binary.
 //!
 //! A file is a list of sections `$Name ... $EndName`; nodes and elements carry tags by which others refer to them. Read
-//! by ourselves: mshio 0.4.2 (2020) reads version 4.1 alone and no `$ElementData`, panicked on 55 of 20,000 binary files
-//! with one to three random changes, and needs nom 5, syn 1 and num 0.3, which nothing else here does.
+//! by ourselves: mshio 0.4.2 (2020) refuses version 2.2, panicked on 55 of 20,000 binary files with one to three random
+//! changes, and needs nom 5, syn 1 and num 0.3, which nothing else here does.
 
 mod elements;
 mod write;
