@@ -130,7 +130,7 @@ pub enum OptimizeError {
 pub enum StopReason {
     /// The largest K is at a stationary point: the residual of the Karush-Kuhn-Tucker conditions is at most 1e-6.
     Optimal,
-    /// The last phase reached its tolerance.
+    /// The last phase ended because its steps gained less than the tolerance; how far from stationary, the KKT residual tells.
     Converged,
     /// The iteration limit was reached.
     IterationLimit,
