@@ -141,9 +141,9 @@
 //! E_p = 3 / (2 p)  ln sum over tets and i of 2 cosh(2 p l_i),    ln max K <= E_p <= ln max K + 3 ln(6 tets) / (2 p)
 //! ```
 //!
-//! with p = 1, 4, 16, 48, 128, 384, each from the minimum of the last, by projected Newton steps (or L-BFGS); then a
-//! logarithmic barrier of the constraints |3 l_i| <= tau is followed as its weight falls. Every accepted step keeps all
-//! image determinants positive. How it ended is a [`StopReason`](optimize::StopReason), never an error. The result is the
+//! with p = 1, 4, 16, each from the minimum of the last, by projected Newton steps (or L-BFGS); then by a primal-dual
+//! interior-point method on the constraints |3 l_i| <= tau, until the conditions of stationarity hold to 1e-6 with
+//! multipliers for the active tets. Every accepted step keeps all image determinants positive. How it ended is a [`StopReason`](optimize::StopReason), never an error. The result is the
 //! iterate of least *measured* K. It is a local optimum: the problem is not convex.
 //!
 //! # Measuring
@@ -230,7 +230,7 @@
 //! | [`map`] | the radial map; whether a map is bijective |
 //! | [`mod@measure`] | dilatations of all tets, their quantiles, the active tets, the bottleneck |
 //! | [`objective`] | energies of one tet and their sum with gradient and Hessian |
-//! | [`mod@optimize`] | continuation, Newton, L-BFGS, barrier, untangling |
+//! | [`mod@optimize`] | continuation, Newton, L-BFGS, minimax, untangling |
 //! | [`bound`] | lower bounds, a theorem a file |
 //! | [`config`] | the config as typed and the plan it means |
 //! | [`report`] | the record of a run, its files and its summary |

@@ -19,7 +19,7 @@ pub struct Figures {
     pub cpu_seconds: Option<f64>,
     /// The most memory the process had resident, in MiB.
     pub peak_memory_mib: Option<f64>,
-    /// The largest KKT residual; none where the barrier was not reached.
+    /// The largest KKT residual; none where the minimax phase was not reached.
     pub kkt: Option<f64>,
     /// Why it ended.
     pub stop: String,

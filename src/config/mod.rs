@@ -256,7 +256,7 @@ pub enum PolishName {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum ObjectiveName {
-    /// The largest K, by continuation of soft maxima and a barrier.
+    /// The largest K, by continuation of soft maxima and an interior-point method.
     #[default]
     Max,
     /// One soft maximum.

@@ -140,7 +140,7 @@ impl<'d> Assembly<'d> {
             .map(|chunk| {
                 let mut sum = 0.0;
                 for t in chunk * CHUNK..((chunk + 1) * CHUNK).min(count) {
-                    sum += energy.value(svd(&self.domain.jacobian(TetId(t as u32), image)).values);
+                    sum += energy.value(t, svd(&self.domain.jacobian(TetId(t as u32), image)).values);
                 }
                 sum
             })
@@ -157,7 +157,7 @@ impl<'d> Assembly<'d> {
             .with_min_len(CHUNK)
             .map(|t| {
                 let jacobian = self.domain.jacobian(TetId(t as u32), image);
-                ElementDerivatives::new(energy, &jacobian, &self.domain.inverse_edges()[t], negative)
+                ElementDerivatives::new(energy, t, &jacobian, &self.domain.inverse_edges()[t], negative)
             })
             .collect();
         let elements: Vec<ElementDerivatives> = elements.into_iter().collect::<Option<_>>()?;
@@ -188,25 +188,33 @@ impl<'d> Assembly<'d> {
 
     /// The gradient of an energy; `None` if it is infinite.
     pub fn gradient<E: TetEnergy>(&self, energy: &E, image: &[Vec3]) -> Option<Vec<f64>> {
-        self.gradient_of(image, |s| Some(energy.spectrum(s, 1.0)?.slope))
+        self.gradient_of(image, |tet, s| Some(energy.spectrum(tet, s, 1.0)?.slope))
     }
 
     /// The derivative of a barrier's gradient with respect to its bound.
     pub fn mixed_gradient(&self, barrier: &Barrier, image: &[Vec3]) -> Option<Vec<f64>> {
-        self.gradient_of(image, |s| {
-            let mixed = centred_logs(s)?.map(|log| barrier.mixed_derivative(log));
-            let mean = (mixed[0] + mixed[1] + mixed[2]) / 3.0;
-            Some([0, 1, 2].map(|i| (mixed[i] - mean) / s[i]))
-        })
+        self.gradient_of_logs(image, |_, logs| logs.map(|log| barrier.mixed_derivative(log)))
     }
 
     /// The first two derivatives of a barrier's sum with respect to its bound.
     pub fn bound_derivatives(&self, barrier: &Barrier, image: &[Vec3]) -> Option<(f64, f64)> {
-        let mut sums = (0.0, 0.0);
-        for values in self.singular_values(image) {
-            for log in centred_logs(values)? {
-                let (first, second) = barrier.bound_derivatives(log);
-                sums = (sums.0 + first, sums.1 + second);
+        let sums = self.sum_of_logs(image, |_, logs| {
+            let [a, b, c] = logs.map(|log| barrier.bound_derivatives(log));
+            [a.0 + b.0 + c.0, a.1 + b.1 + c.1]
+        })?;
+        Some((sums[0], sums[1]))
+    }
+
+    /// Sums of functions of a tet and its centred logs; `None` if a tet is flipped.
+    pub fn sum_of_logs<const N: usize>(
+        &self,
+        image: &[Vec3],
+        terms: impl Fn(usize, [f64; 3]) -> [f64; N],
+    ) -> Option<[f64; N]> {
+        let mut sums = [0.0; N];
+        for (tet, values) in self.singular_values(image).into_iter().enumerate() {
+            for (sum, term) in sums.iter_mut().zip(terms(tet, centred_logs(values)?)) {
+                *sum += term;
             }
         }
         Some(sums)
@@ -222,14 +230,32 @@ impl<'d> Assembly<'d> {
         &mut self.system
     }
 
-    /// The gradient of a sum whose terms have the derivatives `slope(s)` in the singular values.
-    fn gradient_of(&self, image: &[Vec3], slope: impl Fn([f64; 3]) -> Option<[f64; 3]> + Sync) -> Option<Vec<f64>> {
+    /// The gradient of a sum whose terms have the derivatives `slope(tet, logs)` in the centred logs; `None` if a tet is
+    /// flipped.
+    pub fn gradient_of_logs(
+        &self,
+        image: &[Vec3],
+        slope: impl Fn(usize, [f64; 3]) -> [f64; 3] + Sync,
+    ) -> Option<Vec<f64>> {
+        self.gradient_of(image, |tet, s| {
+            let slope = slope(tet, centred_logs(s)?);
+            let mean = (slope[0] + slope[1] + slope[2]) / 3.0;
+            Some([0, 1, 2].map(|i| (slope[i] - mean) / s[i]))
+        })
+    }
+
+    /// The gradient of a sum whose terms have the derivatives `slope(tet, s)` in the singular values.
+    fn gradient_of(
+        &self,
+        image: &[Vec3],
+        slope: impl Fn(usize, [f64; 3]) -> Option<[f64; 3]> + Sync,
+    ) -> Option<Vec<f64>> {
         let elements: Vec<Option<[Vec3; 4]>> = (0..self.domain.mesh().tets().len())
             .into_par_iter()
             .with_min_len(CHUNK)
             .map(|t| {
                 let decomposition = svd(&self.domain.jacobian(TetId(t as u32), image));
-                Some(gradient_from(&decomposition, slope(decomposition.values)?, &self.domain.inverse_edges()[t]))
+                Some(gradient_from(&decomposition, slope(t, decomposition.values)?, &self.domain.inverse_edges()[t]))
             })
             .collect();
         let elements: Vec<[Vec3; 4]> = elements.into_iter().collect::<Option<_>>()?;

@@ -4,7 +4,7 @@
 //! (Smith, de Goes, Kim 2019, "Analytic eigensystems for isotropic distortion energies", ACM TOG 38(1)): one 3x3 block
 //! for the scalings and, for each pair of axes, one "twist" and one "flip" mode.
 
-use super::{LogEnergy, TetEnergy};
+use super::TetEnergy;
 use crate::linalg::{Svd, svd};
 use crate::mesh::{Mat3, Vec3};
 
@@ -36,13 +36,13 @@ pub struct Spectrum {
 pub(super) const AXIS_PAIRS: [(usize, usize); 3] = [(0, 1), (0, 2), (1, 2)];
 
 impl Spectrum {
-    /// The spectrum of `h(l_1) + h(l_2) + h(l_3)` at singular values `s > 0` with centred logs `logs`.
+    /// The spectrum of a sum of functions of the centred logs l_i, given each one's first two derivatives, at singular
+    /// values `s > 0`. Where two of these coincide, so must the derivatives.
     ///
     /// Negative curvature is multiplied by `negative`; the scalings' block is split into its convex part in ln s and the
     /// part that stems from the curvature of ln.
-    pub(super) fn of_logs<E: LogEnergy>(energy: &E, s: [f64; 3], logs: [f64; 3], negative: f64) -> Self {
+    pub(super) fn of_logs(s: [f64; 3], derivatives: [(f64, f64); 3], negative: f64) -> Self {
         let damp = |curvature: f64| if curvature < 0.0 { negative * curvature } else { curvature };
-        let derivatives = logs.map(|l| energy.derivatives(l));
         let [first, second] = [derivatives.map(|d| d.0), derivatives.map(|d| d.1)];
         // The energy sees ln s through the projection to mean zero.
         let mean = (first[0] + first[1] + first[2]) / 3.0;
@@ -87,13 +87,19 @@ impl ElementDerivatives {
     pub const PAIRS: [(usize, usize); 10] =
         [(0, 0), (0, 1), (0, 2), (0, 3), (1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (3, 3)];
 
-    /// The derivatives at the Jacobian `jacobian = edges(image) * inverse_edges`; `None` where the energy is infinite.
+    /// The derivatives for tet number `tet` at the Jacobian `jacobian = edges(image) * inverse_edges`; `None` where the energy is infinite.
     ///
     /// The Hessian's negative curvature, mode by mode, is multiplied by `negative` in [0, 1]: 1 gives the true Hessian, 0
     /// a positive semidefinite one.
-    pub fn new<E: TetEnergy>(energy: &E, jacobian: &Mat3, inverse_edges: &Mat3, negative: f64) -> Option<Self> {
+    pub fn new<E: TetEnergy>(
+        energy: &E,
+        tet: usize,
+        jacobian: &Mat3,
+        inverse_edges: &Mat3,
+        negative: f64,
+    ) -> Option<Self> {
         let decomposition = svd(jacobian);
-        let spectrum = energy.spectrum(decomposition.values, negative)?;
+        let spectrum = energy.spectrum(tet, decomposition.values, negative)?;
         Some(Self::from_spectrum(&decomposition, &spectrum, inverse_edges))
     }
 
@@ -136,7 +142,7 @@ mod tests {
     use crate::objective::{Barrier, CappedMean, SoftMax, Untangling};
 
     fn value<E: TetEnergy>(energy: &E, jacobian: &Mat3) -> f64 {
-        energy.value(svd(jacobian).values)
+        energy.value(0, svd(jacobian).values)
     }
 
     fn edges(x: &[Vec3; 4]) -> Mat3 {
@@ -147,7 +153,7 @@ mod tests {
     fn check<E: TetEnergy>(energy: &E, image: [Vec3; 4]) {
         let rest = [Vec3::zeros(), Vec3::new(1.0, 0.1, 0.0), Vec3::new(0.2, 1.1, -0.1), Vec3::new(0.1, 0.0, 0.9)];
         let inverse = edges(&rest).try_inverse().unwrap();
-        let at = |x: &[Vec3; 4]| ElementDerivatives::new(energy, &(edges(x) * inverse), &inverse, 0.0).unwrap();
+        let at = |x: &[Vec3; 4]| ElementDerivatives::new(energy, 0, &(edges(x) * inverse), &inverse, 0.0).unwrap();
         let derivatives = at(&image);
         let scale = derivatives.gradient.iter().map(|g| g.norm()).fold(0.0, f64::max).max(1e-3);
         for vertex in 0..4 {
@@ -188,8 +194,8 @@ mod tests {
     fn check_hessian<E: TetEnergy>(energy: &E, image: [Vec3; 4]) {
         let inverse = Mat3::identity();
         let jacobian = edges(&image) * inverse;
-        let exact = ElementDerivatives::new(energy, &jacobian, &inverse, 1.0).unwrap();
-        let projected = ElementDerivatives::new(energy, &jacobian, &inverse, 0.0).unwrap();
+        let exact = ElementDerivatives::new(energy, 0, &jacobian, &inverse, 1.0).unwrap();
+        let projected = ElementDerivatives::new(energy, 0, &jacobian, &inverse, 0.0).unwrap();
         for seed in 0..20 {
             let direction: [Vec3; 4] =
                 std::array::from_fn(|v| Vec3::from_fn(|r, _| ((seed * 12 + v * 3 + r) as f64 * 1.618).sin()));

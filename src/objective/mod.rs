@@ -9,6 +9,7 @@ mod barrier;
 mod capped_mean;
 mod element;
 mod extremes;
+mod primal_dual;
 mod soft_max;
 mod untangling;
 
@@ -17,15 +18,16 @@ pub use barrier::Barrier;
 pub use capped_mean::CappedMean;
 pub use element::{ElementDerivatives, Spectrum, centred_logs};
 pub use extremes::{TetFunction, log_dilatations};
+pub use primal_dual::{Multiplier, NearActive, PrimalDual};
 pub use soft_max::SoftMax;
 pub use untangling::Untangling;
 
-/// An isotropic energy of one tet: a function of its signed singular values.
+/// An isotropic energy of each tet: a function of its signed singular values.
 pub trait TetEnergy: Sync {
-    /// The energy at signed singular values `s[0] >= s[1] >= |s[2]|`; infinite where it is not defined.
-    fn value(&self, s: [f64; 3]) -> f64;
+    /// The energy of tet number `tet` at signed singular values `s[0] >= s[1] >= |s[2]|`; infinite where it is not defined.
+    fn value(&self, tet: usize, s: [f64; 3]) -> f64;
     /// Its derivatives, negative curvature multiplied by `negative` in [0, 1]; `None` where it is infinite.
-    fn spectrum(&self, s: [f64; 3], negative: f64) -> Option<Spectrum>;
+    fn spectrum(&self, tet: usize, s: [f64; 3], negative: f64) -> Option<Spectrum>;
 }
 
 /// An even, convex function h of one centred log singular value, and its first two derivatives.
@@ -37,12 +39,13 @@ pub trait LogEnergy: Sync {
 }
 
 impl<E: LogEnergy> TetEnergy for E {
-    fn value(&self, s: [f64; 3]) -> f64 {
+    fn value(&self, _tet: usize, s: [f64; 3]) -> f64 {
         centred_logs(s).map_or(f64::INFINITY, |logs| logs.iter().map(|&l| LogEnergy::value(self, l)).sum())
     }
 
-    fn spectrum(&self, s: [f64; 3], negative: f64) -> Option<Spectrum> {
+    fn spectrum(&self, tet: usize, s: [f64; 3], negative: f64) -> Option<Spectrum> {
         let logs = centred_logs(s)?;
-        TetEnergy::value(self, s).is_finite().then(|| Spectrum::of_logs(self, s, logs, negative))
+        let finite = TetEnergy::value(self, tet, s).is_finite();
+        finite.then(|| Spectrum::of_logs(s, logs.map(|l| self.derivatives(l)), negative))
     }
 }

@@ -30,12 +30,12 @@ impl Untangling {
 }
 
 impl TetEnergy for Untangling {
-    fn value(&self, s: [f64; 3]) -> f64 {
+    fn value(&self, _tet: usize, s: [f64; 3]) -> f64 {
         let (chi, ..) = self.regularised(s[0] * s[1] * s[2]);
         (s[0] * s[0] + s[1] * s[1] + s[2] * s[2]) / (3.0 * chi.powf(2.0 / 3.0))
     }
 
-    fn spectrum(&self, s: [f64; 3], negative: f64) -> Option<Spectrum> {
+    fn spectrum(&self, _tet: usize, s: [f64; 3], negative: f64) -> Option<Spectrum> {
         let damp = |curvature: f64| if curvature < 0.0 { negative * curvature } else { curvature };
         let (chi, chi1, chi2) = self.regularised(s[0] * s[1] * s[2]);
         // The energy is n * g with n = |s|^2 / 3 and g = chi^(-2/3) as a function of the determinant d.

@@ -17,10 +17,10 @@ pub const MOST_TETS_CONSERVATIVE: usize = 500;
 
 /// Which algorithm moves the vertices.
 ///
-/// The soft maxima are minimised by Newton or one of argmin's solvers. The largest K is settled by our barrier or, for the
-/// last three engines, by NLopt in the epigraph form: the least t with `3 l_1 <= t` and `-3 l_3 <= t` for every tet. Those
-/// start from the map of Newton's soft maxima up to exponent 48, use dense matrices and are for small meshes: an independent
-/// check of the others.
+/// The soft maxima are minimised by Newton or one of argmin's solvers. The largest K is settled by our interior-point
+/// method or, for the last three engines, by NLopt in the epigraph form: the least t with `3 l_1 <= t` and `-3 l_3 <= t`
+/// for every tet. Those start from the map of Newton's soft maxima up to exponent 48, use dense matrices and are for
+/// small meshes: an independent check of the others.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Engine {
@@ -63,7 +63,7 @@ impl Engine {
         if tets > most { Err(OptimizeError::TooManyTets { engine: self, most, tets }) } else { Ok(()) }
     }
 
-    /// Whether the largest K is settled by NLopt instead of our barrier.
+    /// Whether the largest K is settled by NLopt instead of our interior-point method.
     pub(super) fn solves_epigraph(self) -> bool {
         matches!(self, Self::Mma | Self::Ccsaq | Self::Slsqp)
     }

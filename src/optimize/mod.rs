@@ -1,16 +1,16 @@
 //! Moving the free vertices: the continuation, its engines, stop reasons and the trace.
 //!
-//! The minimax problem min max K is approached through soft maxima E_p of growing exponent p and ended by a logarithmic
-//! barrier (design.md §5.4). Every accepted step keeps all image determinants positive, so a bijective start stays one.
+//! The minimax problem min max K is approached through soft maxima E_p of growing exponent p and ended by a primal-dual
+//! interior-point method. Every accepted step keeps all image determinants positive, so a bijective start stays one.
 
 mod argmin_phase;
-mod barrier;
 mod displacement;
 mod engine;
 #[cfg(feature = "nlopt")]
 mod epigraph;
 mod newton;
 mod polish;
+mod primal_dual;
 mod recorder;
 mod untangle;
 
@@ -30,13 +30,13 @@ pub use untangle::{Untangled, flipped_tets, untangle};
 /// Exponents of the continuation, each phase started from the last. Steps of about three: with larger ones the next
 /// phase starts far from its minimum and ends in a worse local one.
 const EXPONENTS: [f64; 7] = [1.0, 4.0, 16.0, 48.0, 128.0, 384.0, 1024.0];
-/// The exponents up to here come before the barrier; higher ones only push up the mean that the barrier lowers again.
-const LAST_BEFORE_BARRIER: f64 = 384.0;
+/// The exponents up to here come before the interior-point method. It ends at the same map from higher ones, later.
+const LAST_BEFORE_MINIMAX: f64 = 16.0;
 /// The same for the engines that solve the epigraph form themselves; with max K still in the hundreds, as at radial starts,
 /// their linear and quadratic models lead nowhere.
 const LAST_BEFORE_EPIGRAPH: f64 = 48.0;
-/// Share of the time up to the barrier on the meshes of 10,000 tets tried: 0.1 to 0.4.
-const SHARE_BEFORE_BARRIER: f64 = 0.2;
+/// Share of the time up to the interior-point method on the meshes of 10,000 tets tried: 0.1 to 0.4.
+const SHARE_BEFORE_MINIMAX: f64 = 0.2;
 /// Share of the time up to the last phase of a soft maximum; a rough guess is all a progress bar needs.
 const SHARE_BEFORE_LAST_PHASE: f64 = 0.7;
 /// Largest KKT residual that counts as optimal.
@@ -151,7 +151,7 @@ pub struct TraceRow {
     pub phase: String,
     /// Iteration over all phases, from 1; row 0 is the start.
     pub iteration: usize,
-    /// The phase's objective in units of ln K: E_p, or the barrier's bound.
+    /// The phase's objective in units of ln K: E_p, or the bound of the minimax problem.
     pub objective: f64,
     /// Largest K of the positions after the step.
     pub max_k: f64,
@@ -168,7 +168,7 @@ pub struct TraceRow {
 /// How far a minimax solution is from stationary: the Karush-Kuhn-Tucker conditions of min t subject to 3 |l_i| <= t.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct KktResidual {
-    /// Largest violation of a constraint, in ln K; a barrier's iterates have none.
+    /// Largest violation of a constraint, in ln K.
     pub primal: f64,
     /// Norm of the multipliers' combined gradient relative to the sum of its parts' norms, or the distance of the
     /// multipliers' sum from 1 if that is larger.
@@ -192,7 +192,7 @@ pub struct Outcome {
     pub positions: Vec<Vec3>,
     /// Why it ended.
     pub stop: StopReason,
-    /// How far the minimax solution, before any polish, is from stationary; `None` where no barrier was reached.
+    /// How far the minimax solution, before any polish, is from stationary; `None` where the minimax phase was not reached.
     pub kkt: Option<KktResidual>,
     /// One row an iteration, and row 0 for the start.
     pub trace: Vec<TraceRow>,
@@ -274,11 +274,11 @@ fn continuation(
         };
     let last = match settings.objective {
         Objective::Max if settings.engine.solves_epigraph() => LAST_BEFORE_EPIGRAPH,
-        Objective::Max => LAST_BEFORE_BARRIER,
+        Objective::Max => LAST_BEFORE_MINIMAX,
         Objective::SoftMax(exponent) => exponent,
     };
     let share = match settings.objective {
-        Objective::Max => SHARE_BEFORE_BARRIER,
+        Objective::Max => SHARE_BEFORE_MINIMAX,
         Objective::SoftMax(_) => SHARE_BEFORE_LAST_PHASE,
     };
     let before = EXPONENTS.into_iter().filter(|&p| p < last || settings.objective == Objective::Max && p == last);
@@ -296,7 +296,7 @@ fn continuation(
         return (epigraph::epigraph_phase(algorithm, assembly, image, settings.tolerance, recorder), None);
     }
     match settings.objective {
-        Objective::Max => barrier::barrier_phase(assembly, image, settings.tolerance, recorder),
+        Objective::Max => primal_dual::primal_dual_phase(assembly, image, settings.tolerance, recorder),
         Objective::SoftMax(exponent) => (phase(assembly, image, exponent, settings.tolerance, recorder), None),
     }
 }

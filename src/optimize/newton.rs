@@ -99,12 +99,14 @@ pub(super) fn factorize_damped<E: TetEnergy>(
     energy: &E,
     image: &[Vec3],
     negative: &mut f64,
+    shift: f64,
 ) -> Option<Vec<f64>> {
     loop {
         let gradient = assembly.linearize(energy, image, *negative)?;
+        let scale = assembly.gradient_scale();
         let system = assembly.system();
         // Rounding of a semidefinite matrix; far below the energies' own curvature.
-        system.shift_diagonal(1e-14 * system.largest_diagonal());
+        system.shift_diagonal((1e-14 * system.largest_diagonal()).max(shift * scale * scale));
         if system.factorize().is_ok() {
             return Some(gradient);
         }

@@ -32,7 +32,7 @@ pub(super) fn lower_mean(
         let energy = CappedMean { weight, cap };
         for _ in 0..STAGE_STEPS {
             let Some(value) = assembly.value(&energy, image) else { return PhaseEnd::NoProgress };
-            let Some(gradient) = factorize_damped(assembly, &energy, image, &mut negative) else {
+            let Some(gradient) = factorize_damped(assembly, &energy, image, &mut negative, 0.0) else {
                 return PhaseEnd::NoProgress;
             };
             let mut direction: Vec<f64> = gradient.iter().map(|g| -g).collect();

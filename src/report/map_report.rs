@@ -36,7 +36,7 @@ pub struct MapReport {
     pub best: BestBound,
     /// Why the optimisation ended.
     pub stop: StopReason,
-    /// How far the minimax solution, before any polish, is from stationary; none where the barrier was not reached.
+    /// How far the minimax solution, before any polish, is from stationary; none where the minimax phase was not reached.
     pub kkt: Option<KktResidual>,
     /// Iterations over all phases.
     pub iterations: usize,
