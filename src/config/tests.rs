@@ -56,6 +56,7 @@ fn every_key_arrives() {
         tolerance: 1e-3,
         max_iterations: 9,
         time_limit: Some(std::time::Duration::from_millis(500)),
+        cancel: Default::default(),
     };
     assert_eq!(plan.optimize, expected);
 }
