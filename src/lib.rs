@@ -236,6 +236,7 @@
 //! | [`report`] | the record of a run, its files and its summary |
 //! | [`experiment`] | one run from plan to report; the optimisation of a given map |
 //! | [`mod@bench`] | a folder of meshes optimised one by one, beside the figures of other programs |
+//! | [`sweep`] | many runs from one config, resumed and shared out, and the index over them |
 //! | [`cli`] | the command line |
 //!
 //! The paper all this starts from is Naitsat, Saucan and Zeevi, *Volumetric Quasi-conformal Mappings*, GRAPP 2015,
@@ -268,6 +269,8 @@ pub mod report;
 pub mod experiment;
 
 pub mod bench;
+
+pub mod sweep;
 
 pub mod cli;
 

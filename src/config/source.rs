@@ -111,11 +111,8 @@ impl ConfigSource {
         let mut source = self.clone();
         let mut config = Config::default();
         for setting in settings {
-            let one = Override {
-                typed: setting.to_string(),
-                key: setting.key.clone(),
-                place: Some(setting.place.clone()),
-            };
+            let one =
+                Override { typed: setting.to_string(), key: setting.key.clone(), place: Some(setting.place.clone()) };
             config = source.insert(one, setting.value.clone())?;
         }
         Ok((source, config))
@@ -160,14 +157,18 @@ impl ConfigSource {
         let (last, tables) = one.key.split_last().expect("a key has at least one part");
         let mut table = &mut self.merged;
         for name in tables {
-            table = table
-                .entry(name)
-                .or_insert_with(|| toml::Value::Table(toml::Table::new()))
-                .as_table_mut()
-                .ok_or_else(|| {
-                    let message = format!("`{name}` is a value, not a table with keys");
-                    one.fault(&self.path, &self.text, message, "name a key of the config, for example mesh.layers".into())
-                })?;
+            table =
+                table.entry(name).or_insert_with(|| toml::Value::Table(toml::Table::new())).as_table_mut().ok_or_else(
+                    || {
+                        let message = format!("`{name}` is a value, not a table with keys");
+                        one.fault(
+                            &self.path,
+                            &self.text,
+                            message,
+                            "name a key of the config, for example mesh.layers".into(),
+                        )
+                    },
+                )?;
         }
         table.insert(last.clone(), value);
         let config = Config::deserialize(toml::Value::Table(self.merged.clone())).map_err(|error| {

@@ -281,8 +281,15 @@ fn spread(range: &RangeTable, place: &[String]) -> Result<Vec<Value>, Fault> {
         (Some(step), None) => (step.real(), ((to - from) / step.real() + SLACK).floor()),
         (None, Some(1)) if from == to => (0.0, 0.0),
         (None, Some(steps @ 2..)) => ((to - from) / (steps - 1) as f64, (steps - 1) as f64),
-        (None, Some(_)) => return fault("a range from one number to another has 2 steps at least", "set steps = 2 or more"),
-        _ => return fault("a range needs exactly one of `step` and `steps`", "for example { from = 2, to = 8, step = 2 }"),
+        (None, Some(_)) => {
+            return fault("a range from one number to another has 2 steps at least", "set steps = 2 or more");
+        }
+        _ => {
+            return fault(
+                "a range needs exactly one of `step` and `steps`",
+                "for example { from = 2, to = 8, step = 2 }",
+            );
+        }
     };
     // The comparisons also refuse what is not a number.
     if !(from.is_finite() && to.is_finite() && step.is_finite() && intervals >= 0.0) {
@@ -325,7 +332,9 @@ fn settings(axes: &[Together], number: usize) -> Vec<Setting> {
         rest /= axis.rows.len();
     }
     let pairs = axes.iter().zip(rows.into_iter().rev()).flat_map(|(axis, row)| axis.keys.iter().zip(row));
-    pairs.map(|(key, value)| Setting { key: key.parts.clone(), value: value.clone(), place: key.place.clone() }).collect()
+    pairs
+        .map(|(key, value)| Setting { key: key.parts.clone(), value: value.clone(), place: key.place.clone() })
+        .collect()
 }
 
 /// An entry of `sweep.exclude`.
