@@ -291,8 +291,9 @@ fn spread(range: &RangeTable, place: &[String]) -> Result<Vec<Value>, Fault> {
             );
         }
     };
-    // The comparisons also refuse what is not a number.
-    if !(from.is_finite() && to.is_finite() && step.is_finite() && intervals >= 0.0) {
+    let stands_still = step == 0.0 && from != to;
+    // The comparison also refuses what is not a number.
+    if stands_still || !(from.is_finite() && to.is_finite() && step.is_finite() && intervals >= 0.0) {
         return fault("its step does not lead from `from` to `to`", "for example { from = 2, to = 8, step = 2 }");
     }
     if intervals >= MOST_CASES as f64 {

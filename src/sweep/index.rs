@@ -146,7 +146,8 @@ fn plain(value: &Value) -> String {
 pub fn write_index(sweep: &Sweep, folder: &SweepFolder) -> Result<Tally, WriteError> {
     let rows: Vec<Row> = sweep.cases.iter().map(|case| Row::of(case, folder)).collect();
     write_atomically(&folder.path().join("index.jsonl"), |file| {
-        rows.iter().try_for_each(|row| writeln!(file, "{}", serde_json::json!(row.line())))
+        rows.iter()
+            .try_for_each(|row| writeln!(file, "{}", serde_json::to_string(&row.line()).map_err(io::Error::other)?))
     })?;
     let first = ["case", "id", "status"].map(String::from);
     let names = |columns: &[(&str, &str)]| columns.iter().map(|(name, _)| name.to_string()).collect::<Vec<_>>();

@@ -26,7 +26,7 @@ pub struct SweepSettings {
 }
 
 /// What makes a run of a plan: [`experiment::run`](crate::experiment::run), but for tests.
-pub type Compute = dyn Fn(&Plan, &mut (dyn FnMut(&TraceRow) + Send)) -> Result<Finished, RunError> + Sync;
+pub type Compute<'a> = dyn Fn(&Plan, &mut (dyn FnMut(&TraceRow) + Send)) -> Result<Finished, RunError> + Sync + 'a;
 
 /// What happens to a case.
 #[derive(Debug)]
@@ -64,7 +64,7 @@ pub fn run(
     cases: &[&Case],
     folder: &SweepFolder,
     settings: &SweepSettings,
-    compute: &Compute,
+    compute: &Compute<'_>,
     observe: &(dyn Fn(&Case, Event<'_>) + Sync),
 ) -> Result<(), WriteError> {
     let waiting: Vec<&Case> = cases.iter().copied().filter(|case| folder.state(&case.id) != State::Done).collect();
@@ -107,7 +107,7 @@ pub fn run(
 struct Work<'a> {
     folder: &'a SweepFolder,
     settings: &'a SweepSettings,
-    compute: &'a Compute,
+    compute: &'a Compute<'a>,
     observe: &'a (dyn Fn(&Case, Event<'_>) + Sync),
     cores: usize,
     jobs: usize,
