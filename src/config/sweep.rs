@@ -123,7 +123,13 @@ fn axes(source: &ConfigSource, table: &SweepTable) -> Result<Vec<Together>, Faul
             place.splice(0..0, ["sweep".to_string(), name.to_string()]);
         }
         found.sort_by_key(|(place, _)| source.position_of(place).unwrap_or(usize::MAX));
-        found.into_iter().map(|(place, value)| Ok((key(source, place.clone())?, values(&value, &place)?))).collect()
+        found
+            .into_iter()
+            .map(|(place, value)| {
+                let key = key(source, parts(&place[2..]), place.clone())?;
+                Ok((key, values(&value, &place)?))
+            })
+            .collect()
     };
     let mut axes: Vec<Together> = Vec::new();
     for (key, values) in read("grid", &table.grid)? {
@@ -149,7 +155,7 @@ fn axes(source: &ConfigSource, table: &SweepTable) -> Result<Vec<Together>, Faul
             Seeds::Axis(Axis::List(list)) => list,
             Seeds::Axis(Axis::Range(range)) => spread(&range, &place)?,
         };
-        let key = Key { parts: vec!["seed".into()], place };
+        let key = key(source, vec!["seed".into()], place)?;
         axes.push(Together { keys: vec![key], rows: seeds.into_iter().map(|seed| vec![seed]).collect() });
     }
     if axes.is_empty() {
@@ -182,8 +188,7 @@ fn parts(place: &[String]) -> Vec<String> {
     place.iter().flat_map(|part| part.split('.')).map(|part| part.trim().to_string()).collect()
 }
 
-fn key(source: &ConfigSource, place: Vec<String>) -> Result<Key, Fault> {
-    let parts = parts(&place[2..]);
+fn key(source: &ConfigSource, parts: Vec<String>, place: Vec<String>) -> Result<Key, Fault> {
     let fault = |message: String, help: &str| Err(Fault { key: place.clone(), message, help: help.into() });
     let dotted = parts.join(".");
     if parts.iter().any(String::is_empty) {

@@ -105,6 +105,27 @@ fn an_id_changes_with_the_file_of_the_domain() {
 }
 
 #[test]
+fn the_cores_are_shared_out_among_the_cases() {
+    let sweep = sweep(SIX);
+    let cores = std::thread::available_parallelism().unwrap().get();
+    let seen = |jobs, threads| {
+        let root = tempfile::tempdir().unwrap();
+        let folder = SweepFolder::new(root.path());
+        folder.prepare().unwrap();
+        let seen = std::sync::Mutex::new(Vec::new());
+        let settings = SweepSettings { jobs, threads, cancel: Cancel::default() };
+        let compute = |plan: &Plan, observe: &mut (dyn FnMut(&crate::optimize::TraceRow) + Send)| {
+            seen.lock().unwrap().push(plan.threads.unwrap());
+            experiment::run(plan, observe)
+        };
+        run(&sweep.cases.iter().collect::<Vec<_>>(), &folder, &settings, &compute, &|_, _| {}).unwrap();
+        seen.into_inner().unwrap()
+    };
+    assert_eq!(seen(Some(1), None), [cores; 6]);
+    assert_eq!(seen(None, Some(3)), [3; 6]);
+}
+
+#[test]
 fn shards_are_a_partition() {
     let sweep = sweep(SIX);
     for of in 1..=8 {
