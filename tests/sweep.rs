@@ -157,6 +157,11 @@ fn a_case_that_fails_is_recorded_and_the_exit_code_says_so() {
         assert!(index.contains(",failed,torus,") && index.contains("1 handle"), "{index}");
         assert!(index.contains(",done,cube,"), "{index}");
     }
+    // 10^8 tets are 400 GB at least: refused before they are made.
+    let place = Place::with("[domain]\nsolid = \"cube\"\n[sweep]\ngrid.mesh.cells = [100, 100_000_000]\n");
+    let (code, text) = place.call("sweep a.toml");
+    assert!(code == Some(1) && text.contains("1 of 2 cases done, 1 failed"), "{text}");
+    assert!(text.contains("mesh.cells=100000000: failed: it would take about") && text.contains("coarser"), "{text}");
     // A single run takes no notice of the table.
     assert_eq!(place.call("run a.toml --set mesh.layers=2 --quiet").0, Some(0));
 }

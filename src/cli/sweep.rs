@@ -229,16 +229,16 @@ impl Bars {
         let mut running = self.running.lock().unwrap_or_else(PoisonError::into_inner);
         match event {
             Event::Started => {
-                let style =
-                    ProgressStyle::with_template("  {prefix}  {wide_msg}").expect("the template is well-formed");
+                let style = ProgressStyle::with_template("  {wide_msg}").expect("the template is well-formed");
                 let bar = self.all.add(ProgressBar::new_spinner().with_style(style));
-                bar.set_prefix(format!("{:>4} {}", case.number, case.in_words()));
-                bar.set_message("meshing");
+                bar.set_message(format!("{:>5}  meshing  {}", case.number, case.in_words()));
                 running.insert(case.number, bar);
             }
             Event::Row(row) => {
                 if let Some(bar) = running.get(&case.number) {
-                    bar.set_message(format!("{} #{}  max K {:.4}", row.phase, row.iteration, row.max_k));
+                    // The settings come last, since they may be too long for the line.
+                    let at = format!("{} #{}  max K {:.4}", row.phase, row.iteration, row.max_k);
+                    bar.set_message(format!("{:>5}  {at}  {}", case.number, case.in_words()));
                 }
             }
             Event::Ended(_) => {

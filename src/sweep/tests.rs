@@ -72,7 +72,8 @@ fn a_case_that_panics_or_fails_is_recorded_stops_no_other_and_is_tried_again() {
         .map(|e| e.unwrap().file_name().into_string().unwrap())
         .collect();
     let mut ids: Vec<String> = sweep.cases.iter().map(|case| case.id.clone()).collect();
-    (names.sort(), ids.sort());
+    names.sort();
+    ids.sort();
     assert_eq!(names, ids, "only whole folders are left");
 }
 
