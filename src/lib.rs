@@ -50,6 +50,7 @@
 //! - **active tets**: those that attain the largest K. **bottleneck**: the vertex, edge or face of the domain they sit on.
 //! - **bound**: a lower bound for the largest dilatation, with its **scope**, the maps it speaks of.
 //! - **gap**: achieved K / best bound, taken only where the map is in the bound's scope.
+//! - **sweep**: runs of one config with some keys varied. **case**: one of them, with its **settings** of those keys.
 //!
 //! # The pipeline
 //!
