@@ -1,10 +1,12 @@
 //! The command line: arguments in, exit code out. Numbers go to standard output, everything else to standard error.
 
 mod bench;
+mod interrupt;
 mod measure;
 mod optimize;
 mod output;
 mod progress;
+mod sweep;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -16,6 +18,7 @@ use crate::bench::BenchError;
 use crate::config::{ConfigError, Plan, schema};
 use crate::experiment::{self, RunError};
 use crate::mesh::io::{ReadError, WriteError, check_folder_is_writable};
+use crate::optimize::StopReason;
 use crate::report::{summary, time_line, write_results};
 use output::{print, show_error};
 use progress::Progress;
@@ -38,6 +41,8 @@ enum Command {
     Bounds(measure::MapArguments),
     /// Lower the dilatation of a map given by two meshes: any start, any fixed vertices, any target.
     Optimize(optimize::OptimizeArguments),
+    /// Run every case of a config's table [sweep], several at a time; go on where an earlier call was stopped.
+    Sweep(sweep::SweepArguments),
     /// Optimize every mesh of a folder and write a table of the results, beside those of other programs.
     Bench(bench::BenchArguments),
     /// Print the JSON schema of config files, which describes every key.
@@ -80,6 +85,8 @@ pub(crate) enum Ending {
     Done,
     /// Ended without what was asked for; what there is was written.
     Unfulfilled,
+    /// Ended by a signal; what there is was written.
+    Interrupted,
 }
 
 /// Why a command did nothing.
@@ -104,13 +111,15 @@ pub(crate) enum Failure {
 
 /// Runs the command line of this process.
 ///
-/// Exit codes: 0 done; 1 ended without what was asked for, report written; 2 bad input or usage, nothing written.
+/// Exit codes: 0 done; 1 ended without what was asked for, report written; 2 bad input or usage, nothing written; 130 ended by
+/// a signal, the best so far written.
 pub fn main() -> ExitCode {
     let ending = match Cli::parse().command {
         Command::Run(arguments) => run(&arguments),
         Command::Measure(arguments) => measure::measure_map(&arguments),
         Command::Bounds(arguments) => measure::bound_map(&arguments),
         Command::Optimize(arguments) => optimize::optimize(&arguments),
+        Command::Sweep(arguments) => sweep::sweep(&arguments),
         Command::Bench(arguments) => bench::bench(&arguments),
         Command::Schema => print(&(schema() + "\n")),
         Command::Completions { shell } => completions(shell),
@@ -118,6 +127,7 @@ pub fn main() -> ExitCode {
     match ending {
         Ok(Ending::Done) => ExitCode::SUCCESS,
         Ok(Ending::Unfulfilled) => ExitCode::from(1),
+        Ok(Ending::Interrupted) => ExitCode::from(interrupt::EXIT_CODE),
         // `qcball schema | head` ends here: no news, and no failure.
         Err(Failure::Output(error)) if error.kind() == std::io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
         Err(failure) => {
@@ -145,6 +155,7 @@ fn run(arguments: &RunArguments) -> Result<Ending, Failure> {
     let folder = arguments.out.clone().unwrap_or_else(|| PathBuf::from("results").join(&plan.name));
     // Before hours of work, not after.
     check_folder_is_writable(&folder)?;
+    plan.optimize.cancel = interrupt::cancel_on_signal();
     let progress = Progress::new(arguments.quiet);
     let finished = experiment::run(&plan, &mut |row| progress.show(row));
     progress.finish();
@@ -156,5 +167,9 @@ fn run(arguments: &RunArguments) -> Result<Ending, Failure> {
         let (summary, time) = (summary(&finished.report), time_line(finished.report.times));
         print(&format!("{summary}{time}results     {}\n", folder.display()))?;
     }
-    Ok(if finished.report.bijective { Ending::Done } else { Ending::Unfulfilled })
+    Ok(match &finished.report {
+        report if report.stop == StopReason::Cancelled => Ending::Interrupted,
+        report if report.bijective => Ending::Done,
+        _ => Ending::Unfulfilled,
+    })
 }

@@ -50,6 +50,7 @@
 //! - **active tets**: those that attain the largest K. **bottleneck**: the vertex, edge or face of the domain they sit on.
 //! - **bound**: a lower bound for the largest dilatation, with its **scope**, the maps it speaks of.
 //! - **gap**: achieved K / best bound, taken only where the map is in the bound's scope.
+//! - **sweep**: runs of one config with some keys varied. **case**: one of them, with its **settings** of those keys.
 //!
 //! # The pipeline
 //!
@@ -236,6 +237,7 @@
 //! | [`report`] | the record of a run, its files and its summary |
 //! | [`experiment`] | one run from plan to report; the optimisation of a given map |
 //! | [`mod@bench`] | a folder of meshes optimised one by one, beside the figures of other programs |
+//! | [`sweep`] | many runs from one config, resumed and shared out, and the index over them |
 //! | [`cli`] | the command line |
 //!
 //! The paper all this starts from is Naitsat, Saucan and Zeevi, *Volumetric Quasi-conformal Mappings*, GRAPP 2015,
@@ -268,6 +270,8 @@ pub mod report;
 pub mod experiment;
 
 pub mod bench;
+
+pub mod sweep;
 
 pub mod cli;
 

@@ -176,6 +176,34 @@ fn command_lines() -> Vec<Case> {
     ]
 }
 
+fn sweeps() -> Vec<Case> {
+    let sweep =
+        |lines: &str, words: &[&str]| case("sweep a.toml", &[("a.toml", &format!("{CUBE}[sweep]\n{lines}\n"))], words);
+    let good = format!("{CUBE}[sweep]\nseeds = 2\n");
+    let call = |arguments: &str, words: &[&str]| {
+        case(&format!("sweep a.toml {arguments}"), &[("a.toml", &good), ("plain", "a file")], words)
+    };
+    let thousand = "{ from = 1, to = 2, steps = 1000 }";
+    vec![
+        case("sweep a.toml", &[("a.toml", CUBE)], &["a.toml: there is no table [sweep]", "[sweep.grid]"]),
+        sweep("sedes = 2", &["a.toml:4: unknown key `sweep.sedes`", "did you mean `seeds`?", "sedes = 2"]),
+        sweep("grid.map.exponnt = [1]", &["a.toml:4: unknown key `map.exponnt`", "did you mean `exponent`?"]),
+        sweep("grid.map.exponent = [1, -1]", &["a.toml:4: `map.exponent` is -1", "in the case map.exponent=-1"]),
+        sweep("grid.map.exponent = { from = 1, top = 2, step = 1 }", &["a.toml:4", "unknown key `top`", "`to`?"]),
+        sweep(
+            &format!("grid.map.exponent = {thousand}\ngrid.mesh.grading = {thousand}"),
+            &["a.toml:3: the sweep has 1000000 cases", "10000 is the limit", "split the sweep"],
+        ),
+        call("--set seed=1", &["a.toml:4: `seed` is varied here, but also set by --set seed=1"]),
+        call("--shard 3/2", &["--shard", "I/N with 1 <= I <= N"]),
+        call("--jobs 0", &["--jobs"]),
+        call("--tasks 2", &["--emit"]),
+        call("--out plain", &["cannot write plain/cases", "a file stands where a folder is needed"]),
+        call("--out plain --index-only", &["cannot write plain/cases"]),
+        call("--out /proc/qcball-sweep", &["cannot write /proc/qcball-sweep/cases"]),
+    ]
+}
+
 fn results_folders() -> Vec<Case> {
     let into = |folder: &str, words: &[&str]| {
         case(&format!("run a.toml --out {folder}"), &[("a.toml", CUBE), ("plain", "a file")], words)
@@ -219,7 +247,7 @@ fn meshes() -> Vec<Case> {
 
 #[test]
 fn bad_input_is_refused_and_nothing_written() {
-    for case in [configs(), surfaces(), command_lines(), results_folders(), meshes()].into_iter().flatten() {
+    for case in [configs(), surfaces(), command_lines(), sweeps(), results_folders(), meshes()].into_iter().flatten() {
         let folder = tempfile::tempdir().unwrap();
         for (path, bytes) in &case.files {
             let path = folder.path().join(path);

@@ -12,7 +12,7 @@ use super::{Ending, Failure};
 use crate::config::optimize_settings;
 use crate::experiment::{RunError, on_threads, optimize_map, read_locks};
 use crate::mesh::io::{CellData, check_tets_can_be_written, write_tets};
-use crate::optimize::{Engine, Objective, OptimizeSettings, Polish};
+use crate::optimize::{Cancel, Engine, Objective, OptimizeSettings, Polish};
 use crate::report::{map_summary, to_json, write_trace};
 
 /// The map and how it is improved.
@@ -93,6 +93,7 @@ pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure>
         tolerance: arguments.tolerance,
         max_iterations: arguments.max_iterations,
         time_limit: arguments.time_limit.map(Duration::from_secs_f64),
+        cancel: Cancel::default(),
     };
     let settings = from_config.unwrap_or(settings);
     let progress = Progress::new(arguments.quiet);

@@ -70,14 +70,14 @@ pub(super) fn not_a_config(path: &Path) -> String {
 /// A fault of some key, before it is known whether the file or an override set it.
 #[derive(Debug)]
 pub(super) struct Fault {
-    pub(super) key: Vec<&'static str>,
+    pub(super) key: Vec<String>,
     pub(super) message: String,
     pub(super) help: String,
 }
 
 impl Fault {
-    pub(super) fn at(key: &[&'static str], message: String, help: impl Into<String>) -> Self {
-        Self { key: key.to_vec(), message, help: help.into() }
+    pub(super) fn at(key: &[&str], message: String, help: impl Into<String>) -> Self {
+        Self { key: key.iter().map(|part| part.to_string()).collect(), message, help: help.into() }
     }
 }
 

@@ -69,7 +69,7 @@ impl Plan {
         Self::new(&source, &config).map_err(|fault| source.error(fault))
     }
 
-    fn new(source: &ConfigSource, config: &Config) -> Result<Self, Fault> {
+    pub(super) fn new(source: &ConfigSource, config: &Config) -> Result<Self, Fault> {
         Ok(Self {
             name: name(source.path(), config)?,
             source: source.clone(),
@@ -216,5 +216,6 @@ pub(super) fn optimize(config: &Config) -> Result<OptimizeSettings, Fault> {
         tolerance: positive(table.tolerance, default.tolerance, &["optimize", "tolerance"])?,
         max_iterations: whole(table.max_iterations, default.max_iterations as i64, 0..=1_000_000_000, &key)?,
         time_limit: table.time_limit.map(|given| duration(given, 600.0, &["optimize", "time_limit"])).transpose()?,
+        cancel: default.cancel,
     })
 }

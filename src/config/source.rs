@@ -23,6 +23,37 @@ pub struct ConfigSource {
 struct Override {
     typed: String,
     key: Vec<String>,
+    /// Where the file asks for it; `None` for those of the command line.
+    place: Option<Vec<String>>,
+}
+
+/// One key of one case of a sweep, and its value there.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Setting {
+    /// The key's parts.
+    pub(super) key: Vec<String>,
+    /// The value.
+    pub value: toml::Value,
+    /// The key of the config under which the sweep names it.
+    pub(super) place: Vec<String>,
+}
+
+impl Setting {
+    /// The key, its parts joined by dots.
+    pub fn key(&self) -> String {
+        self.key.join(".")
+    }
+}
+
+/// `key=value` as `--set` takes it.
+impl std::fmt::Display for Setting {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let value = match &self.value {
+            toml::Value::String(text) if value_of(text) == self.value => text.clone(),
+            other => other.to_string(),
+        };
+        write!(formatter, "{}={value}", self.key())
+    }
 }
 
 impl ConfigSource {
@@ -72,50 +103,98 @@ impl ConfigSource {
         self.merged.contains_key(key)
     }
 
+    /// The same config with the settings of a case of its sweep.
+    ///
+    /// # Errors
+    /// A wrong key or type, at its place in the table `[sweep]`.
+    pub(super) fn with_settings(&self, settings: &[Setting]) -> Result<(Self, Config), ConfigError> {
+        let mut source = self.clone();
+        let mut config = Config::default();
+        for setting in settings {
+            let one =
+                Override { typed: setting.to_string(), key: setting.key.clone(), place: Some(setting.place.clone()) };
+            config = source.insert(one, setting.value.clone())?;
+        }
+        Ok((source, config))
+    }
+
+    /// The override of the command line that sets a key, a part of it or a table it stands in, if one does.
+    pub(super) fn override_of(&self, key: &[String]) -> Option<&str> {
+        let overlaps = |one: &&Override| key.starts_with(&one.key) || one.key.starts_with(key);
+        self.overrides.iter().find(overlaps).map(|one| one.typed.as_str())
+    }
+
+    /// How far into the file a key stands; `None` where it does not.
+    pub(super) fn position_of(&self, key: &[String]) -> Option<usize> {
+        span_of(&self.text, key).map(|span| span.start)
+    }
+
     /// A hash of the merged keys and values, whatever their order and layout in the file; without `threads`, on which
-    /// no result depends.
+    /// no result depends, and `sweep`, whose cases have their settings merged in.
     pub fn hash(&self) -> String {
         let mut table = self.merged.clone();
         table.remove("threads");
+        table.remove("sweep");
         // The value sorts its keys, and validation has refused the infinities that JSON lacks.
         let canonical = serde_json::json!(table).to_string();
         blake3::hash(canonical.as_bytes()).to_hex().to_string()
     }
 
     fn apply(&mut self, typed: &str) -> Result<Config, ConfigError> {
-        let fault = |message: String, help: String| ConfigError::Override { assignment: typed.into(), message, help };
+        let refused = |message: String, help: String| ConfigError::Override { assignment: typed.into(), message, help };
         let form = || "write --set key.path=value, for example --set mesh.layers=4".to_string();
         let (key, value) =
-            typed.split_once('=').ok_or_else(|| fault("there is no `=` between key and value".into(), form()))?;
+            typed.split_once('=').ok_or_else(|| refused("there is no `=` between key and value".into(), form()))?;
         let key: Vec<String> = key.split('.').map(|part| part.trim().to_string()).collect();
         if key.iter().any(String::is_empty) {
-            return Err(fault("a part of the key is empty".into(), form()));
+            return Err(refused("a part of the key is empty".into(), form()));
         }
-        let (last, tables) = key.split_last().expect("splitting gives at least one part");
+        self.insert(Override { typed: typed.into(), key, place: None }, value_of(value))
+    }
+
+    /// Sets a key; the config is then checked for known keys and right types.
+    fn insert(&mut self, one: Override, value: toml::Value) -> Result<Config, ConfigError> {
+        let (last, tables) = one.key.split_last().expect("a key has at least one part");
         let mut table = &mut self.merged;
         for name in tables {
-            table = table
-                .entry(name)
-                .or_insert_with(|| toml::Value::Table(toml::Table::new()))
-                .as_table_mut()
-                .ok_or_else(|| fault(format!("`{name}` is a value, not a table with keys"), form()))?;
+            table =
+                table.entry(name).or_insert_with(|| toml::Value::Table(toml::Table::new())).as_table_mut().ok_or_else(
+                    || {
+                        let message = format!("`{name}` is a value, not a table with keys");
+                        one.fault(
+                            &self.path,
+                            &self.text,
+                            message,
+                            "name a key of the config, for example mesh.layers".into(),
+                        )
+                    },
+                )?;
         }
-        table.insert(last.clone(), value_of(value));
+        table.insert(last.clone(), value);
         let config = Config::deserialize(toml::Value::Table(self.merged.clone())).map_err(|error| {
-            let (message, help) = reworded(error.message(), Some(&key.join(".")));
-            fault(message, help)
+            let (message, help) = reworded(error.message(), Some(&one.key.join(".")));
+            one.fault(&self.path, &self.text, message, help)
         })?;
-        self.overrides.push(Override { typed: typed.into(), key });
+        self.overrides.push(one);
         Ok(config)
     }
 
     /// Says a fault of a key where the key was last set: in an override, or at its line in the file.
     pub(super) fn error(&self, fault: Fault) -> ConfigError {
         let Fault { key, message, help } = fault;
-        match self.overrides.iter().rev().find(|one| key.starts_with(&one.key.iter().map(|k| &**k).collect::<Vec<_>>()))
-        {
-            Some(one) => ConfigError::Override { assignment: one.typed.clone(), message, help },
+        match self.overrides.iter().rev().find(|one| key.starts_with(&one.key)) {
+            Some(one) => one.fault(&self.path, &self.text, message, help),
             None => ConfigError::content(&self.path, &self.text, span_of(&self.text, &key), message, help),
+        }
+    }
+}
+
+impl Override {
+    /// A fault of this key: in the command line or, for a case of a sweep, at its place in the file.
+    fn fault(&self, path: &Path, text: &str, message: String, help: String) -> ConfigError {
+        match &self.place {
+            None => ConfigError::Override { assignment: self.typed.clone(), message, help },
+            Some(place) => ConfigError::content(path, text, span_of(text, place), message, help),
         }
     }
 }
@@ -136,7 +215,7 @@ fn value_of(text: &str) -> toml::Value {
 }
 
 /// Where the deepest part of the key that the text has stands.
-fn span_of(text: &str, key: &[&str]) -> Option<Range<usize>> {
+fn span_of(text: &str, key: &[String]) -> Option<Range<usize>> {
     let parsed = DeTable::parse(text).ok()?;
     let mut table = parsed.get_ref();
     let mut span = None;

@@ -56,6 +56,7 @@ fn every_key_arrives() {
         tolerance: 1e-3,
         max_iterations: 9,
         time_limit: Some(std::time::Duration::from_millis(500)),
+        cancel: Default::default(),
     };
     assert_eq!(plan.optimize, expected);
 }
@@ -286,7 +287,7 @@ fn the_schema_describes_every_key() {
         }
         assert_eq!(table["additionalProperties"], false);
     }
-    assert_eq!(described, 41, "keys in the schema");
+    assert_eq!(described, 50, "keys in the schema");
     let text = schema.to_string();
     for solid in ["\"tetrahedron\"", "\"star-polyhedron\""] {
         assert!(text.contains(solid), "{solid}");

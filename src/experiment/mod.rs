@@ -12,7 +12,7 @@ use crate::domain::Domain;
 use crate::map::{bijectivity, caraman};
 use crate::measure::{Measured, bottleneck, measure};
 use crate::mesh::{TetId, Vec3};
-use crate::optimize::{OptimizeSettings, Outcome, TraceRow, Untangled, optimize, untangle};
+use crate::optimize::{OptimizeSettings, Outcome, StopReason, TraceRow, Untangled, optimize, untangle};
 use crate::report::{BestBound, DomainFigures, MapRecord, Report, Times, UntanglingFigures};
 
 pub use error::{Fault, RunError};
@@ -142,11 +142,12 @@ fn untangle_and_optimize(
     settings: &OptimizeSettings,
     observe: &mut dyn FnMut(&TraceRow),
 ) -> Result<(Untangled, Outcome), Fault> {
-    let untangled = untangle(domain, start, fixed, settings.max_iterations, observe)?;
+    let untangled = untangle(domain, start, fixed, settings, observe)?;
     let outcome = if untangled.resisting.is_empty() {
         optimize(domain, &untangled.positions, fixed, settings, observe)?
     } else {
-        Outcome::still_flipped(untangled.positions.clone())
+        let outcome = Outcome::still_flipped(untangled.positions.clone());
+        if settings.cancel.is_raised() { Outcome { stop: StopReason::Cancelled, ..outcome } } else { outcome }
     };
     Ok((untangled, outcome))
 }

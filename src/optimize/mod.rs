@@ -4,6 +4,7 @@
 //! interior-point method. Every accepted step keeps all image determinants positive, so a bijective start stays one.
 
 mod argmin_phase;
+mod cancel;
 mod displacement;
 mod engine;
 #[cfg(feature = "nlopt")]
@@ -22,6 +23,7 @@ use crate::domain::Domain;
 use crate::linalg::SparseError;
 use crate::mesh::Vec3;
 use crate::objective::Assembly;
+pub use cancel::Cancel;
 pub use engine::{Engine, MOST_TETS_CONSERVATIVE, MOST_TETS_QUADRATIC};
 use newton::PhaseEnd;
 use recorder::{Progress, Recorder};
@@ -78,6 +80,8 @@ pub struct OptimizeSettings {
     pub max_iterations: usize,
     /// Most wall time; where it is set, results depend on the machine's speed.
     pub time_limit: Option<Duration>,
+    /// Ends the optimisation from outside.
+    pub cancel: Cancel,
 }
 
 impl Default for OptimizeSettings {
@@ -89,6 +93,7 @@ impl Default for OptimizeSettings {
             tolerance: 1e-6,
             max_iterations: 1000,
             time_limit: None,
+            cancel: Cancel::default(),
         }
     }
 }
@@ -136,6 +141,8 @@ pub enum StopReason {
     IterationLimit,
     /// The time limit was reached.
     TimeLimit,
+    /// It was cancelled from outside.
+    Cancelled,
     /// No step along the search direction lowered the objective in the last phase.
     NoProgress,
     /// There is no free vertex.

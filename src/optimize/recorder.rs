@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
-use super::{OptimizeSettings, StopReason, TraceRow};
+use super::{Cancel, OptimizeSettings, StopReason, TraceRow};
 use crate::dilatation::Dilatation;
 use crate::domain::Domain;
 use crate::mesh::{TetId, Vec3};
@@ -22,6 +22,7 @@ pub(super) struct Recorder<'a> {
     start: Instant,
     pub(super) max_iterations: usize,
     time_limit: Option<Duration>,
+    cancel: Cancel,
     observe: &'a mut dyn FnMut(&TraceRow),
     pub(super) rows: Vec<TraceRow>,
     pub(super) best: Vec<Vec3>,
@@ -43,6 +44,7 @@ impl<'a> Recorder<'a> {
             start: Instant::now(),
             max_iterations: settings.max_iterations,
             time_limit: settings.time_limit,
+            cancel: settings.cancel.clone(),
             observe,
             rows: Vec::new(),
             best: image.to_vec(),
@@ -56,6 +58,9 @@ impl<'a> Recorder<'a> {
 
     /// Which limit stopped it.
     pub(super) fn interruption(&self) -> StopReason {
+        if self.cancel.is_raised() {
+            return StopReason::Cancelled;
+        }
         // NLopt counts evaluations, of which there may be more than rows: the time tells.
         let out_of_time = self.time_left().is_some_and(|left| left.is_zero());
         if out_of_time { StopReason::TimeLimit } else { StopReason::IterationLimit }
@@ -94,6 +99,7 @@ impl<'a> Recorder<'a> {
         self.rows.push(row);
         let out_of_time = self.time_left().is_some_and(|left| left.is_zero());
         // Row 0 is the start.
-        if out_of_time || self.rows.len() > self.max_iterations { Progress::Stop } else { Progress::Continue }
+        let stop = out_of_time || self.cancel.is_raised() || self.rows.len() > self.max_iterations;
+        if stop { Progress::Stop } else { Progress::Continue }
     }
 }

@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use super::newton::{Shift, dot, line_search};
-use super::{OptimizeError, TraceRow};
+use super::{OptimizeError, OptimizeSettings, TraceRow};
 use crate::domain::Domain;
 use crate::mesh::{Orientation, TetId, Vec3, orientation};
 use crate::objective::{Assembly, Untangling};
@@ -47,7 +47,8 @@ pub fn flipped_tets(domain: &Domain, image: &[Vec3]) -> Vec<TetId> {
 ///
 /// Minimises the energy [`Untangling`] by projected Newton while epsilon falls by the paper's schedule, under which the
 /// least determinant becomes positive after finitely many steps if each minimisation reduces the energy enough (their
-/// Theorem 1). Ends after `max_iterations` steps, or 120 without gain, at the latest; a start without a flip is returned as it is.
+/// Theorem 1). Ends after `settings.max_iterations` steps, or 120 without gain, at the latest, or when
+/// cancelled; a start without a flip is returned as it is.
 ///
 /// # Errors
 /// [`OptimizeError::System`] if the Newton system cannot be held.
@@ -55,7 +56,7 @@ pub fn untangle(
     domain: &Domain,
     start: &[Vec3],
     fixed: &[bool],
-    max_iterations: usize,
+    settings: &OptimizeSettings,
     observe: &mut dyn FnMut(&TraceRow),
 ) -> Result<Untangled, OptimizeError> {
     let mut best =
@@ -73,7 +74,8 @@ pub fn untangle(
     let mut determinant = least(&assembly, &image);
     let mut epsilon = first_epsilon(&assembly, &image, determinant);
     let (mut iterations, mut last_gain) = (0, 0);
-    while iterations < max_iterations && iterations - last_gain < PATIENCE {
+    let goes_on = |iterations| iterations < settings.max_iterations && !settings.cancel.is_raised();
+    while goes_on(iterations) && iterations - last_gain < PATIENCE {
         let energy = Untangling { epsilon };
         let Some(before) = assembly.value(&energy, &image) else { break };
         let mut after = before;
@@ -103,7 +105,7 @@ pub fn untangle(
                     return Ok(best);
                 }
             }
-            if fall < STALLED {
+            if fall < STALLED || settings.cancel.is_raised() {
                 break;
             }
         }

@@ -224,6 +224,7 @@ fn stop_in_words(stop: StopReason, iterations: usize) -> String {
         StopReason::Converged => ("converged", ""),
         StopReason::IterationLimit => ("iteration limit reached", "; a higher one may lower K further"),
         StopReason::TimeLimit => ("time limit reached", "; a longer one may lower K further"),
+        StopReason::Cancelled => ("cancelled", "; this is the best map so far"),
         StopReason::NoProgress => ("no step lowered the objective", ""),
         StopReason::NothingFree => ("no vertex is free to move", "; refine the mesh inside"),
         StopReason::StillFlipped => ("tets of the start resisted untangling; nothing was optimized", ""),

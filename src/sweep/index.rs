@@ -1,0 +1,184 @@
+//! The tables over a sweep's cases, made from their folders alone.
+
+use std::fs;
+use std::io;
+use std::path::Path;
+
+use serde::Serialize;
+use serde_json::{Map, Value};
+
+use super::folder::{State, SweepFolder};
+use super::{Case, Sweep};
+use crate::mesh::io::{WriteError, write_atomically};
+
+/// The results in the index: the column, and where `report.json` has it. None depends on the time or the threads.
+const RESULTS: [(&str, &str); 21] = [
+    ("vertices", "/domain/vertices"),
+    ("tets", "/domain/tets"),
+    ("locked", "/domain/locked"),
+    ("radial_exponent", "/radial_exponent"),
+    ("radial_smooth_k", "/radial_smooth_k"),
+    ("initial_max_k", "/initial/max_k"),
+    ("initial_mean_k", "/initial/mean_k"),
+    ("initial_flipped", "/initial/flipped"),
+    ("max_k", "/final/max_k"),
+    ("mean_k", "/final/mean_k"),
+    ("p50_k", "/final/p50_k"),
+    ("p99_k", "/final/p99_k"),
+    ("max_k_inner", "/final/max_k_inner"),
+    ("max_k_outer", "/final/max_k_outer"),
+    ("flipped", "/final/flipped"),
+    ("active", "/active"),
+    ("best_bound", "/best_bound"),
+    ("gap", "/gap"),
+    ("bijective", "/bijective"),
+    ("iterations", "/iterations"),
+    ("stop", "/stop"),
+];
+/// What is kept apart because it differs from one run to the next.
+const TIMES: [(&str, &str); 3] =
+    [("threads", "/threads"), ("seconds", "/seconds"), ("untangling_seconds", "/untangling_seconds")];
+
+/// How many cases are in which state.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Tally {
+    /// All cases.
+    pub cases: usize,
+    /// Those that ended by themselves.
+    pub done: usize,
+    /// Of these, those whose map is not known to be bijective.
+    pub not_bijective: usize,
+    /// Those that failed.
+    pub failed: usize,
+}
+
+impl Tally {
+    /// Counts cases by their folders.
+    pub fn of<'a>(cases: impl IntoIterator<Item = &'a Case>, folder: &SweepFolder) -> Self {
+        cases.into_iter().map(|case| Row::of(case, folder)).fold(Self::default(), |tally, row| tally.and(&row))
+    }
+
+    fn and(mut self, row: &Row) -> Self {
+        self.cases += 1;
+        match row.state {
+            State::Done => self.done += 1,
+            State::Failed => self.failed += 1,
+            State::Incomplete | State::Missing => {}
+        }
+        if row.state == State::Done && row.value("/bijective") != Some(&Value::Bool(true)) {
+            self.not_bijective += 1;
+        }
+        self
+    }
+}
+
+/// A case, and what its folder holds.
+struct Row<'a> {
+    case: &'a Case,
+    state: State,
+    report: Option<Value>,
+    error: Option<String>,
+}
+
+/// A line of `index.jsonl`.
+#[derive(Serialize)]
+struct Line<'a> {
+    case: usize,
+    id: &'a str,
+    status: &'static str,
+    settings: Map<String, Value>,
+    results: Option<Map<String, Value>>,
+    error: Option<&'a str>,
+}
+
+impl<'a> Row<'a> {
+    fn of(case: &'a Case, folder: &SweepFolder) -> Self {
+        let state = folder.state(&case.id);
+        let report = (state == State::Done).then(|| read(&folder.of_case(&case.id, state).join("report.json")));
+        let error = (state == State::Failed).then(|| folder.error(&case.id)).flatten();
+        Self { case, state, report: report.flatten(), error }
+    }
+
+    fn value(&self, pointer: &str) -> Option<&Value> {
+        self.report.as_ref()?.pointer(pointer)
+    }
+
+    fn cells(&self, columns: &[(&str, &str)]) -> Vec<String> {
+        columns.iter().map(|(_, pointer)| self.value(pointer).map(plain).unwrap_or_default()).collect()
+    }
+
+    fn line(&self) -> Line<'_> {
+        let value = |pointer| self.value(pointer).cloned().unwrap_or(Value::Null);
+        Line {
+            case: self.case.number,
+            id: &self.case.id,
+            status: self.state.name(),
+            settings: self.case.settings.iter().map(|one| (one.key(), serde_json::json!(one.value))).collect(),
+            results: self
+                .report
+                .as_ref()
+                .map(|_| RESULTS.iter().map(|(name, pointer)| (name.to_string(), value(pointer))).collect()),
+            error: self.error.as_deref(),
+        }
+    }
+}
+
+fn read(path: &Path) -> Option<Value> {
+    serde_json::from_slice(&fs::read(path).ok()?).ok()
+}
+
+/// A value as a cell of a table: nothing for `null`, text without quotes.
+fn plain(value: &Value) -> String {
+    match value {
+        Value::Null => String::new(),
+        Value::String(text) => text.clone(),
+        other => other.to_string(),
+    }
+}
+
+/// Writes `index.jsonl` and `index.csv`, settings and results of all cases in their order, and `timings.csv`.
+///
+/// For a given program and config the index is the same to the bit however the cases were shared out, interrupted and
+/// resumed, once all are done.
+///
+/// # Errors
+/// The file that could not be written.
+pub fn write_index(sweep: &Sweep, folder: &SweepFolder) -> Result<Tally, WriteError> {
+    let rows: Vec<Row> = sweep.cases.iter().map(|case| Row::of(case, folder)).collect();
+    write_atomically(&folder.path().join("index.jsonl"), |file| {
+        rows.iter()
+            .try_for_each(|row| writeln!(file, "{}", serde_json::to_string(&row.line()).map_err(io::Error::other)?))
+    })?;
+    let first = ["case", "id", "status"].map(String::from);
+    let names = |columns: &[(&str, &str)]| columns.iter().map(|(name, _)| name.to_string()).collect::<Vec<_>>();
+    let head = [&first[..], &sweep.keys, &names(&RESULTS), &["error".to_string()]].concat();
+    let start = |row: &Row| [row.case.number.to_string(), row.case.id.clone(), row.state.name().to_string()];
+    write_table(&folder.path().join("index.csv"), &head, &rows, |row| {
+        let settings: Vec<String> = row.case.settings.iter().map(|one| plain(&serde_json::json!(one.value))).collect();
+        [&start(row)[..], &settings, &row.cells(&RESULTS), &[row.error.clone().unwrap_or_default()]].concat()
+    })?;
+    let head = [&first[..], &names(&TIMES)].concat();
+    write_table(&folder.path().join("timings.csv"), &head, &rows, |row| {
+        [&start(row)[..], &row.cells(&TIMES)].concat()
+    })?;
+    Ok(rows.iter().fold(Tally::default(), Tally::and))
+}
+
+fn write_table(
+    path: &Path,
+    head: &[String],
+    rows: &[Row],
+    cells: impl Fn(&Row) -> Vec<String>,
+) -> Result<(), WriteError> {
+    write_atomically(path, |file| {
+        let mut table = csv::Writer::from_writer(file);
+        let written = std::iter::once(head.to_vec()).chain(rows.iter().map(cells));
+        for record in written {
+            table.write_record(record).map_err(|error| match error.into_kind() {
+                csv::ErrorKind::Io(error) => error,
+                other => io::Error::other(format!("{other:?}")),
+            })?;
+        }
+        table.flush()
+    })
+}

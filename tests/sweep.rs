@@ -1,0 +1,301 @@
+//! Sweeps through the program itself: killed and resumed, shared out, interrupted, on a full disk; always the same index.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::Duration;
+
+use assert_cmd::cargo::cargo_bin;
+
+/// Twelve cases of some ten milliseconds each.
+const TWELVE: &str = "[domain]\nsolid = \"cube\"\n[mesh]\nlayers = 3\n[optimize]\nobjective = \"soft-max\"\nexponent = 16\n\
+                      [sweep.grid]\n\"domain.solid\" = [\"cube\", \"octahedron\", \"icosahedron\"]\n\
+                      \"map.exponent\" = { from = 0.5, to = 2, step = 0.5 }\n";
+
+/// A folder with a config named `a.toml`.
+struct Place(tempfile::TempDir);
+
+impl Place {
+    fn with(config: &str) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("a.toml"), config).unwrap();
+        Self(folder)
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn command(&self, arguments: &str) -> Command {
+        let mut command = Command::new(cargo_bin!("qcball"));
+        command.current_dir(self.0.path()).args(arguments.split(' ')).stdin(Stdio::null());
+        command
+    }
+
+    /// Runs the program; its exit code and what it said.
+    fn call(&self, arguments: &str) -> (Option<i32>, String) {
+        said(&self.command(arguments).output().unwrap())
+    }
+
+    fn start(&self, arguments: &str) -> Child {
+        self.command(arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
+    }
+
+    /// The index of a sweep's folder, bit for bit.
+    fn index(&self, out: &str) -> [Vec<u8>; 2] {
+        ["index.csv", "index.jsonl"].map(|name| fs::read(self.path(out).join(name)).unwrap())
+    }
+
+    /// The folders of the cases that are done, and which writing of its report each holds.
+    fn done(&self, out: &str) -> BTreeMap<PathBuf, u64> {
+        let entries = fs::read_dir(self.path(out).join("cases")).into_iter().flatten().flatten();
+        let name = |path: &Path| path.file_name().unwrap().to_string_lossy().into_owned();
+        let cases = entries.map(|entry| entry.path()).filter(|path| !name(path).contains(['.', '-']));
+        cases.map(|path| (path.clone(), identity(&path.join("report.json")))).collect()
+    }
+}
+
+fn said(output: &Output) -> (Option<i32>, String) {
+    let text = [&output.stdout[..], &output.stderr].concat();
+    (output.status.code(), String::from_utf8_lossy(&text).into_owned())
+}
+
+/// Differs for a file that was written again.
+#[cfg(unix)]
+fn identity(path: &Path) -> u64 {
+    use std::os::unix::fs::MetadataExt;
+    let found = fs::metadata(path).unwrap();
+    found.ino() ^ (found.mtime_nsec() as u64).rotate_left(32)
+}
+
+#[cfg(not(unix))]
+fn identity(_: &Path) -> u64 {
+    0
+}
+
+fn wait_until(mut holds: impl FnMut() -> bool) {
+    while !holds() {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+#[test]
+fn a_sweep_killed_and_resumed_has_the_index_of_one_that_was_not() {
+    let place = Place::with(TWELVE);
+    let (code, text) = place.call("sweep a.toml --out whole");
+    assert_eq!(code, Some(0), "{text}");
+    assert!(text.contains("12 of 12 cases done"), "{text}");
+    // One job or two, killed as soon as so many cases are done: somewhere in the next ones.
+    let mut before = BTreeMap::new();
+    for (jobs, kill_at) in [(1, 1), (2, 3), (1, 4), (2, 7), (2, 10)] {
+        let mut child = place.start(&format!("sweep a.toml --out killed --jobs {jobs}"));
+        wait_until(|| place.done("killed").len() >= kill_at || child.try_wait().unwrap().is_some());
+        // SIGKILL.
+        child.kill().unwrap();
+        child.wait().unwrap();
+        let now = place.done("killed");
+        assert!(
+            before.iter().all(|(case, identity)| now.get(case) == Some(identity)),
+            "a done case was computed again"
+        );
+        before = now;
+    }
+    let (code, text) = place.call("sweep a.toml --out killed");
+    assert_eq!(code, Some(0), "{text}");
+    assert_eq!(text.matches("converged").count(), 12 - before.len(), "{text}");
+    let after = place.done("killed");
+    assert!(before.iter().all(|(case, identity)| after.get(case) == Some(identity)), "a done case was computed again");
+    assert_eq!(place.index("killed"), place.index("whole"));
+    // What the killed processes left behind is gone.
+    assert_eq!(fs::read_dir(place.path("killed/cases")).unwrap().count(), 12);
+
+    // Another time nothing is computed, a new case alone is, and all are after --fresh.
+    let (code, text) = place.call("sweep a.toml --out killed --set mesh.layers=3");
+    assert!(code == Some(0) && !text.contains("converged"), "{text}");
+    fs::write(place.path("a.toml"), TWELVE.replace("\"cube\", \"oct", "\"cube\", \"tetrahedron\", \"oct")).unwrap();
+    let (code, text) = place.call("sweep a.toml --out killed");
+    assert_eq!((code, text.matches("solid=tetrahedron").count()), (Some(0), 4), "{text}");
+    assert_eq!(text.matches("converged").count(), 4, "{text}");
+    let (code, text) = place.call("sweep a.toml --out killed --fresh --quiet");
+    assert_eq!((code, text.as_str()), (Some(0), ""));
+    let again = place.done("killed");
+    assert_eq!(again.len(), 16);
+    assert!(!cfg!(unix) || after.iter().all(|(case, identity)| again[case] != *identity));
+}
+
+#[test]
+fn shards_and_an_index_over_them_give_the_same() {
+    let place = Place::with(TWELVE);
+    assert_eq!(place.call("sweep a.toml --out whole --quiet"), (Some(0), String::new()));
+    // All at once, as GNU parallel would.
+    let shards = ["1/3", "2/3", "3/3"].map(|shard| place.start(&format!("sweep a.toml --out shared --shard {shard}")));
+    for shard in shards {
+        let (code, text) = said(&shard.wait_with_output().unwrap());
+        assert!(code == Some(0) && text.contains("4 of 4 cases done"), "{text}");
+    }
+    assert!(!place.path("shared/index.csv").exists());
+    let (code, text) = place.call("sweep a.toml --out shared --index-only");
+    assert!(code == Some(0) && text.contains("12 of 12 cases done"), "{text}");
+    assert_eq!(place.index("shared"), place.index("whole"));
+    let listed = place.call("sweep a.toml --out shared --dry-run --shard 2/3").1;
+    assert_eq!(listed.matches("  done  ").count(), 4, "{listed}");
+    assert!(listed.contains("4 of 12 cases, 4 done"), "{listed}");
+}
+
+#[test]
+fn a_case_that_fails_is_recorded_and_the_exit_code_says_so() {
+    // A torus is not star-shaped.
+    let place = Place::with(
+        "[domain]\nsolid = \"cube\"\n[mesh]\nlayers = 2\n[sweep]\ngrid.domain.solid = [\"torus\", \"cube\"]\n",
+    );
+    for arguments in ["sweep a.toml", "sweep a.toml --index-only"] {
+        let (code, text) = place.call(arguments);
+        assert_eq!(code, Some(1), "{text}");
+        assert!(text.contains("1 of 2 cases done, 1 failed"), "{text}");
+        let index = fs::read_to_string(place.path("results/a/index.csv")).unwrap();
+        assert!(index.contains(",failed,torus,") && index.contains("1 handle"), "{index}");
+        assert!(index.contains(",done,cube,"), "{index}");
+    }
+    // 10^8 tets are 400 GB at least: refused before they are made.
+    let place = Place::with("[domain]\nsolid = \"cube\"\n[sweep]\ngrid.mesh.cells = [100, 100_000_000]\n");
+    let (code, text) = place.call("sweep a.toml");
+    assert!(code == Some(1) && text.contains("1 of 2 cases done, 1 failed"), "{text}");
+    assert!(text.contains("mesh.cells=100000000: failed: it would take about") && text.contains("coarser"), "{text}");
+    // A single run takes no notice of the table.
+    assert_eq!(place.call("run a.toml --set mesh.layers=2 --quiet").0, Some(0));
+}
+
+#[test]
+fn the_committed_sweep_has_60_cases() {
+    let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/sweep.toml");
+    let (code, text) = Place::with("").call(&format!("sweep {} --dry-run", config.display()));
+    assert!(code == Some(0) && text.contains("60 of 60 cases, 0 done"), "{text}");
+}
+
+#[test]
+fn slurm_scripts_hold_whole_paths_and_all_settings() {
+    let place = Place::with(TWELVE);
+    let (code, text) = place.call("sweep a.toml --out far --set mesh.layers=2 --emit slurm --tasks 5");
+    assert!(code == Some(0) && text.contains("12 cases in 5 tasks"), "{text}");
+    let script = |name: &str| fs::read_to_string(place.path("far/slurm").join(name)).unwrap();
+    let call = format!(
+        "exec {} sweep {} --out {} --set mesh.layers=2 ",
+        cargo_bin!("qcball").display(),
+        place.path("a.toml").display(),
+        place.path("far").display()
+    );
+    let array = script("array.sbatch");
+    assert!(array.contains(&format!("{call}--shard \"$SLURM_ARRAY_TASK_ID\"/5 ")), "{array}");
+    assert!(array.contains("#SBATCH --array=1-5\n"), "{array}");
+    let merge = script("merge.sbatch");
+    assert!(merge.contains(&format!("{call}--index-only\n")), "{merge}");
+    assert!(script("submit.sh").contains("--dependency=\"afterany:$array\" merge.sbatch"));
+}
+
+/// Waits until a process handles SIGINT; false where the system does not tell, or if it ended before.
+fn handles_interrupt(child: &mut Child) -> bool {
+    let status = PathBuf::from(format!("/proc/{}/status", child.id()));
+    loop {
+        let Ok(text) = fs::read_to_string(&status) else { return false };
+        let Some(mask) = text.lines().find_map(|line| line.strip_prefix("SigCgt:")) else { return false };
+        // Signal 2 is the second bit.
+        if u64::from_str_radix(mask.trim(), 16).is_ok_and(|mask| mask & 2 != 0) {
+            return true;
+        }
+        if child.try_wait().unwrap().is_some() {
+            return false;
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+fn interrupt(child: &Child) {
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+}
+
+/// Some seconds of work, in many steps.
+const LONG: &str = "[domain]\nsolid = \"cube\"\n[mesh]\ncells = 12000\nlayers = 6\n";
+
+#[test]
+fn an_interrupted_run_writes_its_best_map() {
+    let place = Place::with(LONG);
+    let mut child = place.start("run a.toml");
+    if !handles_interrupt(&mut child) {
+        eprintln!("skipped: the system does not tell which signals a process handles");
+        child.wait().unwrap();
+        return;
+    }
+    interrupt(&child);
+    let (code, text) = said(&child.wait_with_output().unwrap());
+    assert_eq!(code, Some(130), "{text}");
+    assert!(text.contains("stopped     cancelled after"), "{text}");
+    let report = fs::read_to_string(place.path("results/a/report.json")).unwrap();
+    assert!(report.contains("\"stop\": \"cancelled\""), "{report}");
+    assert!(place.path("results/a/image.vtu").is_file());
+}
+
+#[test]
+fn an_interrupted_sweep_keeps_the_best_map_and_computes_the_case_again() {
+    let place = Place::with(&format!("{LONG}[sweep]\ngrid.map.exponent = [1, 1.5, 2]\n"));
+    let mut child = place.start("sweep a.toml --jobs 1");
+    if !handles_interrupt(&mut child) {
+        eprintln!("skipped: the system does not tell which signals a process handles");
+        child.kill().unwrap();
+        child.wait().unwrap();
+        return;
+    }
+    let locked = |entry: fs::DirEntry| entry.file_name().to_string_lossy().ends_with(".lock");
+    wait_until(|| fs::read_dir(place.path("results/a/cases")).into_iter().flatten().flatten().any(locked));
+    interrupt(&child);
+    let (code, text) = said(&child.wait_with_output().unwrap());
+    assert_eq!(code, Some(130), "{text}");
+    assert!(text.contains("interrupted: 0 of 3 cases are done; the same command goes on"), "{text}");
+    // Interrupted before its first step it may have nothing to keep.
+    let index = fs::read_to_string(place.path("results/a/index.csv")).unwrap();
+    let listed = place.call("sweep a.toml --dry-run").1;
+    assert!(listed.contains("0 done") && !index.contains("done"), "{listed}{index}");
+    let incomplete = listed.contains("  incomplete  ");
+    let (code, text) = place.call("sweep a.toml --set optimize.max_iterations=0");
+    assert_eq!(code, Some(0), "{text}");
+    // Another iteration limit makes other cases; the interrupted one is as it was.
+    assert_eq!(place.call("sweep a.toml --dry-run").1.contains("  incomplete  "), incomplete);
+}
+
+#[test]
+fn on_a_full_disk_nothing_is_lost() {
+    // In a mount namespace of its own, so that nothing stays behind on the machine.
+    let script = "mount -t tmpfs -o size=1200k none disk || exit 77
+                  \"$0\" sweep a.toml --out disk/out --jobs 1 2> said; test $? = 1 || exit 3
+                  ls disk/out/cases | wc -l > count
+                  mount -o remount,size=50m disk || exit 77
+                  \"$0\" sweep a.toml --out disk/out --jobs 1 2> again || exit 4
+                  cp disk/out/index.csv disk/out/index.jsonl .";
+    let place = Place::with(TWELVE);
+    fs::create_dir(place.path("disk")).unwrap();
+    let mut command = Command::new("unshare");
+    command.current_dir(place.0.path()).args(["--mount", "sh", "-c", script]).arg(cargo_bin!("qcball"));
+    let Ok(output) = command.output() else {
+        eprintln!("skipped: no unshare here");
+        return;
+    };
+    let (code, text) = said(&output);
+    if !place.path("said").is_file() || code == Some(77) {
+        eprintln!("skipped: may not mount: {text}");
+        return;
+    }
+    let read = |name: &str| fs::read_to_string(place.path(name)).unwrap_or_default();
+    assert_eq!(code, Some(0), "{text}{}{}", read("said"), read("again"));
+    assert!(
+        read("said").contains("No space left on device") && read("said").contains("free some space"),
+        "{}",
+        read("said")
+    );
+    assert!(read("said").contains("what was done before is kept"), "{}", read("said"));
+    // The second call computed the rest only.
+    let kept: usize = read("count").trim().parse().unwrap();
+    assert!(0 < kept && kept < 12, "{kept}");
+    assert_eq!(read("again").matches("converged").count(), 12 - kept, "{}", read("again"));
+    place.call("sweep a.toml --out whole --quiet");
+    assert_eq!(["index.csv", "index.jsonl"].map(|name| fs::read(place.path(name)).unwrap()), place.index("whole"));
+}
