@@ -1,10 +1,14 @@
 //! The two pieces of linear algebra that need care here: the 3x3 singular value decomposition and the sparse SPD solve.
 
+mod iterative;
 mod sparse;
 mod svd;
+mod system;
 
+pub use iterative::BlockConjugateGradients;
 pub use sparse::{BlockCholesky, SparseError};
 pub use svd::{Svd, svd};
+pub use system::NewtonSystem;
 
 /// A point or vector of three-space.
 pub type Vec3 = nalgebra::Vector3<f64>;

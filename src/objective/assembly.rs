@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::element::{ElementDerivatives, centred_logs, gradient_from};
 use super::{Barrier, TetEnergy};
 use crate::domain::Domain;
-use crate::linalg::{BlockCholesky, SparseError, svd};
+use crate::linalg::{BlockCholesky, BlockConjugateGradients, NewtonSystem, SparseError, svd};
 use crate::mesh::{TetId, Vec3};
 
 /// Tets a parallel task works on at once; fixed, so that partial sums do not depend on the number of threads.
@@ -22,7 +22,7 @@ pub struct Assembly<'d> {
     corners: Gather,
     /// For each stored block of the system, its contributions `20 * tet + 2 * local pair + transposed`.
     blocks: Gather,
-    system: BlockCholesky,
+    system: NewtonSystem,
     gradient_scale: f64,
 }
 
@@ -87,7 +87,12 @@ impl<'d> Assembly<'d> {
             .collect();
         edges.sort_unstable();
         edges.dedup();
-        let system = BlockCholesky::new(free.len(), &edges)?;
+        let most: usize = std::env::var("DIRECT").ok().and_then(|v| v.parse().ok()).unwrap_or(20_000);
+        let system = if free.len() <= most {
+            NewtonSystem::Direct(BlockCholesky::new(free.len(), &edges)?)
+        } else {
+            NewtonSystem::Iterative(BlockConjugateGradients::new(free.len(), &edges))
+        };
         let slot = |row: u32, column: u32| {
             let (start, end) = (system.column_starts()[column as usize], system.column_starts()[column as usize + 1]);
             start + system.rows()[start..end].binary_search(&row).expect("every pair of a tet is in the pattern")
@@ -226,7 +231,7 @@ impl<'d> Assembly<'d> {
     }
 
     /// The Newton system, filled by [`Assembly::linearize`].
-    pub fn system(&mut self) -> &mut BlockCholesky {
+    pub fn system(&mut self) -> &mut NewtonSystem {
         &mut self.system
     }
 

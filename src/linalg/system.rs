@@ -1,0 +1,65 @@
+//! The Newton system: solved directly up to a size, iteratively above it.
+
+use super::{BlockCholesky, BlockConjugateGradients, SparseError};
+
+/// A symmetric matrix of 3x3 blocks with a fixed pattern, solved again and again with new values.
+pub enum NewtonSystem {
+    /// By a sparse Cholesky factor.
+    Direct(BlockCholesky),
+    /// By preconditioned conjugate gradients.
+    Iterative(BlockConjugateGradients),
+}
+
+macro_rules! delegate {
+    ($self:ident, $system:ident => $call:expr) => {
+        match $self {
+            NewtonSystem::Direct($system) => $call,
+            NewtonSystem::Iterative($system) => $call,
+        }
+    };
+}
+
+impl NewtonSystem {
+    /// Start of each block column in [`NewtonSystem::rows`]; a block column of `m` blocks has `9 m` values.
+    pub fn column_starts(&self) -> &[usize] {
+        delegate!(self, system => system.column_starts())
+    }
+
+    /// Block rows, ascending within each block column, the diagonal first.
+    pub fn rows(&self) -> &[u32] {
+        delegate!(self, system => system.rows())
+    }
+
+    /// The values, to be filled before [`NewtonSystem::factorize`], laid out as in [`BlockCholesky`].
+    pub fn values_mut(&mut self) -> &mut [f64] {
+        delegate!(self, system => system.values_mut())
+    }
+
+    /// The product of the matrix of the present values with a vector.
+    pub fn multiply(&mut self, vector: &[f64]) -> Vec<f64> {
+        delegate!(self, system => system.multiply(vector))
+    }
+
+    /// Adds `shift` times the identity to the matrix.
+    pub fn shift_diagonal(&mut self, shift: f64) {
+        delegate!(self, system => system.shift_diagonal(shift));
+    }
+
+    /// The largest entry of the diagonal.
+    pub fn largest_diagonal(&self) -> f64 {
+        delegate!(self, system => system.largest_diagonal())
+    }
+
+    /// Prepares the solves with the present values.
+    ///
+    /// # Errors
+    /// [`SparseError::NotPositiveDefinite`].
+    pub fn factorize(&mut self) -> Result<(), SparseError> {
+        delegate!(self, system => system.factorize())
+    }
+
+    /// Replaces the right-hand side by the solution with the last factorisation, or an approximation of it.
+    pub fn solve(&mut self, right_hand_side: &mut [f64]) {
+        delegate!(self, system => system.solve(right_hand_side));
+    }
+}
