@@ -10,12 +10,14 @@
 //! interval arithmetic with directed rounding. Degenerate images (a collapsed or folded triangle) bound nothing there:
 //! the place is passed over.
 
+mod apex;
 mod boundary_image;
 mod caraman;
 mod edge_limit;
 mod edge_ratio;
 mod fan;
 mod locked;
+mod one_free_vertex;
 mod trace;
 mod trace_smooth;
 mod vertex;
@@ -27,6 +29,7 @@ mod tests;
 
 use serde::Serialize;
 
+pub use apex::apex;
 pub use boundary_image::BoundaryImage;
 pub use caraman::caraman;
 pub use edge_limit::edge_limit;
@@ -128,6 +131,7 @@ pub fn all(domain: &Domain, image: &[Vec3], centre: Option<Vec3>, radial_trace: 
     bounds.extend(edge_ratio(domain, &edges, boundary_image));
     bounds.extend(fan(domain, &edges, boundary_image));
     bounds.extend(vertex(domain, &edges, boundary_image));
+    bounds.extend(apex(domain, image));
     bounds.extend(wedge(domain, &edges));
     bounds.extend(caraman(&features));
     if let Some(centre) = centre.filter(|centre| radial_trace && is_strict_star_centre(domain, centre)) {
