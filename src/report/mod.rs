@@ -1,12 +1,14 @@
 //! The record of a run, and the files and the summary that are views of it.
 
 mod figures;
+mod limit;
 mod machine;
 mod map_report;
 mod results;
 mod summary;
 
 pub use figures::{BestBound, DomainFigures, Splits, UntanglingFigures};
+pub use limit::{Limit, LimitedBy};
 pub use map_report::MapReport;
 pub use results::{MapRecord, write_results, write_trace};
 pub(crate) use summary::{bounds_table, dilatations};
@@ -69,6 +71,8 @@ pub struct Report {
     /// The largest bound that applies to the final map, and the gap to it.
     #[serde(flatten)]
     pub best: BestBound,
+    /// What limits K, as far as bounds and optimizer tell.
+    pub limit: Limit,
     /// Why the optimisation ended.
     pub stop: StopReason,
     /// How far the minimax solution, before any polish, is from stationary; none where the barrier was not reached.
