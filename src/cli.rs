@@ -5,6 +5,7 @@ mod measure;
 mod optimize;
 mod output;
 mod progress;
+mod verify;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -17,6 +18,7 @@ use crate::config::{ConfigError, Plan, schema};
 use crate::experiment::{self, RunError};
 use crate::mesh::io::{ReadError, WriteError, check_folder_is_writable};
 use crate::report::{summary, time_line, write_results};
+use crate::verify::VerifyError;
 use output::{print, show_error};
 use progress::Progress;
 
@@ -38,6 +40,8 @@ enum Command {
     Bounds(measure::MapArguments),
     /// Lower the dilatation of a map given by two meshes: any start, any fixed vertices, any target.
     Optimize(optimize::OptimizeArguments),
+    /// Check a results folder from its files alone: connectivity, orientation, dilatations, bounds, gap.
+    Verify(verify::VerifyArguments),
     /// Optimize every mesh of a folder and write a table of the results, beside those of other programs.
     Bench(bench::BenchArguments),
     /// Print the JSON schema of config files, which describes every key.
@@ -90,6 +94,8 @@ pub(crate) enum Failure {
     #[error(transparent)]
     Bench(#[from] BenchError),
     #[error(transparent)]
+    Verify(#[from] VerifyError),
+    #[error(transparent)]
     Run(#[from] RunError),
     #[error(transparent)]
     Read(#[from] ReadError),
@@ -111,6 +117,7 @@ pub fn main() -> ExitCode {
         Command::Measure(arguments) => measure::measure_map(&arguments),
         Command::Bounds(arguments) => measure::bound_map(&arguments),
         Command::Optimize(arguments) => optimize::optimize(&arguments),
+        Command::Verify(arguments) => verify::verify_folder(&arguments),
         Command::Bench(arguments) => bench::bench(&arguments),
         Command::Schema => print(&(schema() + "\n")),
         Command::Completions { shell } => completions(shell),
