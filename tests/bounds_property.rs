@@ -60,7 +60,7 @@ fn random_mesh(random: &mut Random) -> (Domain, Vec<Vec3>) {
     let shell = shell_mesh(&solid.surface().unwrap(), Vec3::zeros(), &settings).unwrap();
     let radial = caraman(&RadialCoordinates::of_shell(&shell), 1.0);
     let boundary: Vec<bool> = Domain::new(shell.mesh.clone()).unwrap().boundary().vertex_mask().to_vec();
-    let convex = random.0.next_u32() % 2 == 0;
+    let convex = random.number() < 0.0;
     let tets = shell.mesh.tets().to_vec();
     let points = random.moved(
         shell.mesh.points(),
@@ -97,7 +97,7 @@ fn no_bound_exceeds_a_random_or_an_optimized_map() {
         let (domain, radial) = random_mesh(&mut random);
         let positive = |image: &[Vec3]| measure(&domain, image).summary.flipped == 0;
         // Onto the ball or onto the domain itself, boundary values moved or not.
-        let onto_ball = positive(&radial) && random.0.next_u32() % 2 == 0;
+        let onto_ball = positive(&radial) && random.number() < 0.0;
         let start = if onto_ball { radial } else { domain.mesh().points().to_vec() };
         let amount = [0.0, 0.1, 0.6][random.0.next_u32() as usize % 3];
         let start = random.moved(&start, amount, |_| true, positive);

@@ -5,6 +5,17 @@
 //! `K_I = s1 s2 / s3^2 >= H`, `K_O = s1^2 / (s2 s3) >= H` and `K_I K_O = H^3`, so a lower bound h on H gives
 //! `K >= h^(3/2)`, with equality if and only if `s2^2 = s1 s3`.
 //!
+//! What holds where the solid is not a convex polyhedron with fixed boundary values (bounds.md, "Conjectures"):
+//!
+//! - *Concave edges, angles above pi*: fan, edge-ratio and vertex bounds hold as they stand, with the actual angles on both
+//!   sides (they then bound K_O, or both). The wedge bound is for convex edges only: for concave ones with free boundary
+//!   values no proof is known.
+//! - *Flat edges* are no edges of the solid, but bound like others if their image is not flat; trace and apex bounds see no
+//!   edges at all.
+//! - *A free boundary*: only [`Scope::Shape`] speaks of it. With the boundary positions a map happens to have, the bounds of
+//!   scope [`Scope::MeshFixedBoundary`] hold, but for maps with these positions alone. The vertex bound with a free boundary
+//!   is false.
+//!
 //! Rounding: each value is lowered by a first-order bound on the error of its own computation (angles carry theirs, see
 //! [`crate::mesh::angle::Angle`]), so that it does not exceed the true bound. That is a generous error analysis and not
 //! interval arithmetic with directed rounding. Degenerate images (a collapsed or folded triangle) bound nothing there:

@@ -93,21 +93,16 @@ fn table<Row: serde::de::DeserializeOwned>(path: &Path, findings: &mut Findings)
 
 /// Compares the scalars on a mesh's cells with the rows of `cells.csv`, to the bit: both hold all digits.
 fn compare_cell_data(name: &str, file: &TetFile, cells: &[CellRow], findings: &mut Findings) {
-    let flag = |on: bool| f64::from(u8::from(on));
-    let columns: [(&str, fn(&CellRow) -> f64); 5] = [
-        ("K", |row| row.k),
-        ("K_inner", |row| row.k_inner),
-        ("K_outer", |row| row.k_outer),
-        ("K_initial", |row| row.k_initial),
-        ("volume", |row| row.volume),
+    let column = |value: fn(&CellRow) -> f64| -> Vec<f64> { cells.iter().map(value).collect() };
+    let expected = [
+        ("K", column(|row| row.k)),
+        ("K_inner", column(|row| row.k_inner)),
+        ("K_outer", column(|row| row.k_outer)),
+        ("K_initial", column(|row| row.k_initial)),
+        ("volume", column(|row| row.volume)),
+        ("active", column(|row| f64::from(u8::from(row.active)))),
+        ("locked", column(|row| f64::from(u8::from(row.locked)))),
     ];
-    let flags = [("active", true), ("locked", false)];
-    let expected = columns
-        .into_iter()
-        .map(|(array, value)| (array, cells.iter().map(value).collect::<Vec<f64>>()))
-        .chain(flags.into_iter().map(|(array, active)| {
-            (array, cells.iter().map(|row| flag(if active { row.active } else { row.locked })).collect())
-        }));
     for (array, expected) in expected {
         match scalars(&file.cell_data, array) {
             None => findings.found(format!("{name} lacks the cell data {array:?}")),
