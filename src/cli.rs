@@ -7,6 +7,7 @@ mod optimize;
 mod output;
 mod progress;
 mod sweep;
+mod verify;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -20,6 +21,7 @@ use crate::experiment::{self, RunError};
 use crate::mesh::io::{ReadError, WriteError, check_folder_is_writable};
 use crate::optimize::StopReason;
 use crate::report::{summary, time_line, write_results};
+use crate::verify::VerifyError;
 use output::{print, show_error};
 use progress::Progress;
 
@@ -43,6 +45,8 @@ enum Command {
     Optimize(optimize::OptimizeArguments),
     /// Run every case of a config's table [sweep], several at a time; go on where an earlier call was stopped.
     Sweep(sweep::SweepArguments),
+    /// Check a results folder from its files alone: connectivity, orientation, dilatations, bounds, gap.
+    Verify(verify::VerifyArguments),
     /// Optimize every mesh of a folder and write a table of the results, beside those of other programs.
     Bench(bench::BenchArguments),
     /// Print the JSON schema of config files, which describes every key.
@@ -97,6 +101,8 @@ pub(crate) enum Failure {
     #[error(transparent)]
     Bench(#[from] BenchError),
     #[error(transparent)]
+    Verify(#[from] VerifyError),
+    #[error(transparent)]
     Run(#[from] RunError),
     #[error(transparent)]
     Read(#[from] ReadError),
@@ -120,6 +126,7 @@ pub fn main() -> ExitCode {
         Command::Bounds(arguments) => measure::bound_map(&arguments),
         Command::Optimize(arguments) => optimize::optimize(&arguments),
         Command::Sweep(arguments) => sweep::sweep(&arguments),
+        Command::Verify(arguments) => verify::verify_folder(&arguments),
         Command::Bench(arguments) => bench::bench(&arguments),
         Command::Schema => print(&(schema() + "\n")),
         Command::Completions { shell } => completions(shell),

@@ -236,6 +236,7 @@
 //! | [`config`] | the config as typed and the plan it means |
 //! | [`report`] | the record of a run, its files and its summary |
 //! | [`experiment`] | one run from plan to report; the optimisation of a given map |
+//! | [`mod@verify`] | a results folder checked against itself, from its files alone |
 //! | [`mod@bench`] | a folder of meshes optimised one by one, beside the figures of other programs |
 //! | [`sweep`] | many runs from one config, resumed and shared out, and the index over them |
 //! | [`cli`] | the command line |
@@ -268,6 +269,8 @@ pub mod config;
 pub mod report;
 
 pub mod experiment;
+
+pub mod verify;
 
 pub mod bench;
 

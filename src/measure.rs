@@ -84,7 +84,8 @@ pub fn measure(domain: &Domain, image: &[Vec3]) -> Measured {
     Measured { dilatations, flipped, summary }
 }
 
-fn summarize(volumes: &[f64], dilatations: &[Dilatation], positive: &[bool]) -> Summary {
+/// The figures of maps whose dilatations are known; `positive` tells the tets that are not flipped.
+pub(crate) fn summarize(volumes: &[f64], dilatations: &[Dilatation], positive: &[bool]) -> Summary {
     let largest = |part: fn(&Dilatation) -> f64| dilatations.iter().map(part).fold(1.0, f64::max);
     let unflipped: Vec<Dilatation> =
         dilatations.iter().zip(positive).filter(|(_, positive)| **positive).map(|(d, _)| *d).collect();

@@ -5,17 +5,30 @@
 //! `K_I = s1 s2 / s3^2 >= H`, `K_O = s1^2 / (s2 s3) >= H` and `K_I K_O = H^3`, so a lower bound h on H gives
 //! `K >= h^(3/2)`, with equality if and only if `s2^2 = s1 s3`.
 //!
+//! What holds where the solid is not a convex polyhedron with fixed boundary values (bounds.md, "Conjectures"):
+//!
+//! - *Concave edges, angles above pi*: fan, edge-ratio and vertex bounds hold as they stand, with the actual angles on both
+//!   sides (they then bound K_O, or both). The wedge bound is for convex edges only: for concave ones with free boundary
+//!   values no proof is known.
+//! - *Flat edges* are no edges of the solid, but bound like others if their image is not flat; trace and apex bounds see no
+//!   edges at all.
+//! - *A free boundary*: only [`Scope::Shape`] speaks of it. With the boundary positions a map happens to have, the bounds of
+//!   scope [`Scope::MeshFixedBoundary`] hold, but for maps with these positions alone. The vertex bound with a free boundary
+//!   is false.
+//!
 //! Rounding: each value is lowered by a first-order bound on the error of its own computation (angles carry theirs, see
 //! [`crate::mesh::angle::Angle`]), so that it does not exceed the true bound. That is a generous error analysis and not
 //! interval arithmetic with directed rounding. Degenerate images (a collapsed or folded triangle) bound nothing there:
 //! the place is passed over.
 
+mod apex;
 mod boundary_image;
 mod caraman;
 mod edge_limit;
 mod edge_ratio;
 mod fan;
 mod locked;
+mod one_free_vertex;
 mod trace;
 mod trace_smooth;
 mod vertex;
@@ -27,6 +40,7 @@ mod tests;
 
 use serde::Serialize;
 
+pub use apex::apex;
 pub use boundary_image::BoundaryImage;
 pub use caraman::caraman;
 pub use edge_limit::edge_limit;
@@ -128,6 +142,7 @@ pub fn all(domain: &Domain, image: &[Vec3], centre: Option<Vec3>, radial_trace: 
     bounds.extend(edge_ratio(domain, &edges, boundary_image));
     bounds.extend(fan(domain, &edges, boundary_image));
     bounds.extend(vertex(domain, &edges, boundary_image));
+    bounds.extend(apex(domain, image));
     bounds.extend(wedge(domain, &edges));
     bounds.extend(caraman(&features));
     if let Some(centre) = centre.filter(|centre| radial_trace && is_strict_star_centre(domain, centre)) {

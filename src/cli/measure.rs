@@ -10,7 +10,7 @@ use super::{Ending, Failure};
 use crate::bound::{self, LowerBound};
 use crate::experiment::GivenMap;
 use crate::measure::{Summary, measure};
-use crate::report::{BestBound, bounds_table, dilatations, to_json};
+use crate::report::{BestBound, Limit, bounds_table, dilatations, to_json};
 
 /// The two files of a map.
 #[derive(Debug, Args)]
@@ -30,6 +30,7 @@ struct BoundFigures {
     bounds: Vec<LowerBound>,
     #[serde(flatten)]
     best: BestBound,
+    limit: Limit,
     max_k: f64,
 }
 
@@ -72,10 +73,11 @@ pub(super) fn bound_map(arguments: &MapArguments) -> Result<Ending, Failure> {
     let max_k = measure(&domain, &image).summary.max_k;
     let bounds = bound::all(&domain, &image, None, false);
     let best = BestBound::of(&bounds, max_k);
+    let limit = Limit::of(max_k, &bounds, None);
     if arguments.json {
-        print(&to_json(&BoundFigures { bounds, best, max_k }))
+        print(&to_json(&BoundFigures { bounds, best, limit, max_k }))
     } else {
-        print(&bounds_table(&bounds, best))
+        print(&bounds_table(&bounds, best, &limit))
     }
 }
 

@@ -67,6 +67,14 @@ impl ConfigSource {
             let help = if is_toml(path) || !path.is_file() { least_config() } else { not_a_config(path) };
             ConfigError::Read { path: path.to_path_buf(), source, help }
         })?;
+        Self::of_text(path, text, overrides)
+    }
+
+    /// The same of a text that is at hand; `path` only names it.
+    ///
+    /// # Errors
+    /// As [`ConfigSource::read`].
+    pub fn of_text(path: &Path, text: String, overrides: &[String]) -> Result<(Self, Config), ConfigError> {
         let fault = |error: toml::de::Error| {
             let span = error.span();
             let key = span.as_ref().and_then(|span| key_at(&text, span));

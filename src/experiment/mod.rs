@@ -13,7 +13,7 @@ use crate::map::{bijectivity, caraman};
 use crate::measure::{Measured, bottleneck, measure};
 use crate::mesh::{TetId, Vec3};
 use crate::optimize::{OptimizeSettings, Outcome, StopReason, TraceRow, Untangled, optimize, untangle};
-use crate::report::{BestBound, DomainFigures, MapRecord, Report, Times, UntanglingFigures};
+use crate::report::{BestBound, DomainFigures, Limit, MapRecord, Report, Times, UntanglingFigures};
 
 pub use error::{Fault, RunError};
 pub use optimize_map::{GivenMap, OptimizedMap, optimize_map, read_locks};
@@ -107,6 +107,7 @@ fn stages(plan: &Plan, observe: &mut dyn FnMut(&TraceRow)) -> Result<Finished, R
         active: active.len(),
         bottleneck: bottleneck(&domain, &measured),
         best: BestBound::of(&bounds, measured.summary.max_k),
+        limit: Limit::of(measured.summary.max_k, &bounds, Some((outcome.stop, outcome.kkt))),
         bounds,
         stop: outcome.stop,
         kkt: outcome.kkt,

@@ -11,7 +11,7 @@ use crate::measure::measure;
 use crate::mesh::io::{ReadError, read_tets};
 use crate::mesh::{TetMesh, TetSoup, Vec3, full_boundary};
 use crate::optimize::{OptimizeSettings, TraceRow};
-use crate::report::{BestBound, MapReport, Splits, Times, UntanglingFigures};
+use crate::report::{BestBound, Limit, MapReport, Splits, Times, UntanglingFigures};
 
 /// A map given by two files: a mesh and the same mesh with moved vertices.
 #[derive(Debug)]
@@ -157,6 +157,7 @@ pub fn optimize_map(
         initial,
         active: measured.active(ACTIVE).len(),
         best: BestBound::of(&bounds, measured.summary.max_k),
+        limit: Limit::of(measured.summary.max_k, &bounds, Some((outcome.stop, outcome.kkt))),
         bounds,
         last: measured.summary,
         stop: outcome.stop,

@@ -17,7 +17,7 @@ mod untangle;
 
 use std::time::Duration;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::domain::Domain;
 use crate::linalg::SparseError;
@@ -42,7 +42,7 @@ const SHARE_BEFORE_MINIMAX: f64 = 0.2;
 /// Share of the time up to the last phase of a soft maximum; a rough guess is all a progress bar needs.
 const SHARE_BEFORE_LAST_PHASE: f64 = 0.7;
 /// Largest KKT residual that counts as optimal.
-const OPTIMAL: f64 = 1e-6;
+pub(crate) const OPTIMAL: f64 = 1e-6;
 /// Fall in ln K of a step which ends all but the last phase: 2e-4 was found enough, ending earlier costs more than it
 /// saves (design.md §5.4).
 const PHASE_TOLERANCE: f64 = 2e-4;
@@ -130,7 +130,7 @@ pub enum OptimizeError {
 }
 
 /// Why an optimisation ended. A reason, never an error: bad input is refused before.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum StopReason {
     /// The largest K is at a stationary point: the residual of the Karush-Kuhn-Tucker conditions is at most 1e-6.
@@ -173,7 +173,7 @@ pub struct TraceRow {
 }
 
 /// How far a minimax solution is from stationary: the Karush-Kuhn-Tucker conditions of min t subject to 3 |l_i| <= t.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct KktResidual {
     /// Largest violation of a constraint, in ln K.
     pub primal: f64,

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::{BestBound, Splits, Times, UntanglingFigures};
+use super::{BestBound, Limit, Splits, Times, UntanglingFigures};
 use crate::bound::LowerBound;
 use crate::measure::Summary;
 use crate::optimize::{KktResidual, StopReason};
@@ -34,6 +34,8 @@ pub struct MapReport {
     /// The best of them and the gap to it.
     #[serde(flatten)]
     pub best: BestBound,
+    /// What limits K, as far as bounds and optimizer tell.
+    pub limit: Limit,
     /// Why the optimisation ended.
     pub stop: StopReason,
     /// How far the minimax solution, before any polish, is from stationary; none where the minimax phase was not reached.

@@ -1,13 +1,16 @@
 //! The record of a run, and the files and the summary that are views of it.
 
 mod figures;
+mod limit;
 mod machine;
 mod map_report;
 mod results;
 mod summary;
 
 pub use figures::{BestBound, DomainFigures, Splits, UntanglingFigures};
+pub use limit::{Limit, LimitedBy};
 pub use map_report::MapReport;
+pub(crate) use results::CellRow;
 pub use results::{MapRecord, write_results, write_trace};
 pub(crate) use summary::{bounds_table, dilatations};
 pub use summary::{map_summary, summary, time_line};
@@ -69,6 +72,8 @@ pub struct Report {
     /// The largest bound that applies to the final map, and the gap to it.
     #[serde(flatten)]
     pub best: BestBound,
+    /// What limits K, as far as bounds and optimizer tell.
+    pub limit: Limit,
     /// Why the optimisation ended.
     pub stop: StopReason,
     /// How far the minimax solution, before any polish, is from stationary; none where the minimax phase was not reached.

@@ -3,7 +3,7 @@
 use std::io;
 use std::path::Path;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::figures::boundary_flags;
 use super::{Report, summary};
@@ -81,18 +81,18 @@ struct Cells<'a> {
 }
 
 /// One line of `cells.csv`.
-#[derive(Serialize)]
-struct CellRow {
-    tet: usize,
-    volume: f64,
-    k_inner_initial: f64,
-    k_outer_initial: f64,
-    k_initial: f64,
-    k_inner: f64,
-    k_outer: f64,
-    k: f64,
-    active: bool,
-    locked: bool,
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct CellRow {
+    pub tet: usize,
+    pub volume: f64,
+    pub k_inner_initial: f64,
+    pub k_outer_initial: f64,
+    pub k_initial: f64,
+    pub k_inner: f64,
+    pub k_outer: f64,
+    pub k: f64,
+    pub active: bool,
+    pub locked: bool,
 }
 
 impl<'a> Cells<'a> {

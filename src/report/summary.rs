@@ -1,6 +1,6 @@
 //! What a person reads of a run in a terminal.
 
-use super::{BestBound, MapReport, Report, Splits, Times, UntanglingFigures};
+use super::{BestBound, Limit, MapReport, Report, Splits, Times, UntanglingFigures};
 use crate::bound::{Kind, LowerBound, Scope};
 use crate::measure::{Bottleneck, Summary};
 use crate::mesh::Place;
@@ -34,7 +34,7 @@ pub fn summary(report: &Report) -> String {
         report.bottleneck.as_ref().map(|b| labelled("bottleneck", &bottleneck_in_words(b))).unwrap_or_default(),
         labelled("bijective", &bijective),
         labelled("stopped", &stop_in_words(report.stop, report.iterations)),
-        format!("\n{}", bounds_table(&report.bounds, report.best)),
+        format!("\n{}", bounds_table(&report.bounds, report.best, &report.limit)),
         report.warnings.iter().map(|warning| labelled("warning", warning)).collect(),
     ];
     blocks.concat()
@@ -75,7 +75,7 @@ pub fn map_summary(report: &MapReport) -> String {
     let bounds = if report.bounds.is_empty() {
         labelled("bounds", "none: not every boundary vertex is fixed")
     } else {
-        bounds_table(&report.bounds, report.best)
+        bounds_table(&report.bounds, report.best, &report.limit)
     };
     let blocks = [
         labelled("mesh", &mesh),
@@ -135,8 +135,8 @@ pub(crate) fn dilatations(maps: &[(&str, &Summary)]) -> String {
     text
 }
 
-/// The bounds, those that apply and the largest first, and what the best of them says.
-pub(crate) fn bounds_table(bounds: &[LowerBound], best: BestBound) -> String {
+/// The bounds, those that apply and the largest first, what the best of them says, and what limits K.
+pub(crate) fn bounds_table(bounds: &[LowerBound], best: BestBound, limit: &Limit) -> String {
     let mut bounds: Vec<&LowerBound> = bounds.iter().collect();
     bounds.sort_by(|a, b| b.applies.cmp(&a.applies).then(b.value.total_cmp(&a.value)));
     let mut text = format!("{:<18}{:>16}  {:<20}applies\n", "lower bound", "value", "for which maps");
@@ -158,7 +158,7 @@ pub(crate) fn bounds_table(bounds: &[LowerBound], best: BestBound) -> String {
             text.push_str(&labelled("", &bound.reason));
         }
     }
-    text + &labelled("best bound", &best_in_words(best))
+    text + &labelled("best bound", &best_in_words(best)) + &labelled("limit", &limit.sentence)
 }
 
 fn best_in_words(best: BestBound) -> String {

@@ -1,0 +1,487 @@
+//! The least dilatation of tets that share their one free vertex, from below and above (bounds.md B4.3).
+
+use clarabel::algebra::CscMatrix;
+use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus, SupportedConeT};
+
+use super::Kind;
+use crate::domain::{Domain, edge_matrix};
+use crate::linalg::svd;
+use crate::mesh::{Mat3, TetId, Vec3, VertexId};
+
+/// Relative distance of the two ends at which the search is done.
+const ACCURACY: f64 = 1e-7;
+/// Fall in the cube root of K promised by a linear program below which nothing more comes of it.
+const LEAST_GAIN: f64 = 1e-11;
+/// Most linear programs for one vertex; 10 to 30 are usual.
+const MOST_PROGRAMS: usize = 60;
+/// Most cuts a linear program keeps, the tightest ones.
+const MOST_CUTS: usize = 160;
+/// Side of the cube, in units of the star's size, in which a start is looked for.
+const START_BOX: f64 = 4.0;
+/// Room for the rounding of a few operations where a quantity only has to be large or small enough.
+const ROOM: f64 = 1.0 + 1e-10;
+
+/// The tets at one free vertex whose other three vertices are fixed, as functions of the image position q of the vertex.
+///
+/// Positions are relative to the mean of the fixed vertices' images, in units of the largest distance from it. Each tet's
+/// domain is scaled, which changes no dilatation, so that `A(q) = matrix + q gradient^T` has a unit gradient.
+pub(super) struct FreeVertex {
+    tets: Vec<FixedFace>,
+    start: Option<Vec3>,
+}
+
+struct FixedFace {
+    matrix: Mat3,
+    gradient: Vec3,
+    /// Least and largest stretch of an edge of the fixed face.
+    stretches: [f64; 2],
+    /// The distances in the domain of the free vertex from the three fixed ones; least.
+    nearest: f64,
+    /// Condition of the domain tet's edges.
+    condition: f64,
+}
+
+/// `at_zero + slope . q`.
+#[derive(Clone, Copy)]
+struct Affine {
+    at_zero: f64,
+    slope: Vec3,
+}
+
+impl Affine {
+    fn at(&self, q: &Vec3) -> f64 {
+        self.at_zero + self.slope.dot(q)
+    }
+}
+
+/// The inequality `left(q) <= kappa right(q)` that holds wherever a tet's dilatation is at most kappa^3.
+#[derive(Clone, Copy)]
+struct Cut {
+    left: Affine,
+    right: Affine,
+    /// The right side is at least this where the determinant is positive.
+    least: f64,
+    /// Bounds on the rounding errors of the two sides in the ball searched.
+    errors: [f64; 2],
+}
+
+/// What the search found.
+pub(super) struct Least {
+    /// Proved: no position has a smaller largest dilatation.
+    pub lower: f64,
+    /// Attained at `position`, up to rounding.
+    #[cfg_attr(not(test), expect(dead_code, reason = "tests compare it with the lower end"))]
+    pub upper: f64,
+    /// Linear programs solved.
+    pub programs: usize,
+}
+
+impl FreeVertex {
+    /// The vertex and those of its tets whose other vertices are fixed, `image` holding the positions of these.
+    ///
+    /// Nothing if an image position is not finite or a fixed face is degenerate.
+    pub fn of(domain: &Domain, vertex: VertexId, tets: &[TetId], image: &[Vec3]) -> Option<Self> {
+        let corners = |tet: TetId| domain.mesh().tets()[tet.index()];
+        let mut fixed: Vec<VertexId> = tets.iter().flat_map(|&t| corners(t)).filter(|&v| v != vertex).collect();
+        fixed.sort_unstable();
+        fixed.dedup();
+        let origin = fixed.iter().map(|v| image[v.index()]).sum::<Vec3>() / fixed.len() as f64;
+        let size = fixed.iter().map(|v| (image[v.index()] - origin).norm()).fold(0.0, f64::max);
+        let faces: Option<Vec<FixedFace>> = tets
+            .iter()
+            .map(|&tet| {
+                let ids = corners(tet);
+                let free = ids.iter().position(|&v| v == vertex)?;
+                let positions =
+                    ids.map(|v| if v == vertex { Vec3::zeros() } else { (image[v.index()] - origin) / size });
+                FixedFace::of(domain.mesh().corners(tet), positions, free)
+            })
+            .collect();
+        let tets = faces.filter(|_| size > 0.0 && size.is_finite())?;
+        let mut result = Self { tets, start: None };
+        result.start = result.natural_start();
+        Some(result)
+    }
+
+    /// The largest K at the start that [`FreeVertex::least`] takes; infinite if a start has yet to be found.
+    pub fn at_start(&self) -> f64 {
+        self.start.map_or(f64::INFINITY, |q| self.value(Kind::K, &q).powi(3))
+    }
+
+    /// Encloses the least value over q of the largest dilatation of that kind, less tightly where it is found not to exceed
+    /// `floor`; nothing if no position with positive determinants is found.
+    ///
+    /// **Theorem**. With three vertices fixed, A, its adjugate and det A are affine in q, and where det > 0
+    /// `K_O <= kappa^3` means `|A| <= kappa det^(1/3)` and `K_I <= kappa^3` means `|adj A| <= kappa det^(2/3)`: a convex
+    /// function is at most a concave one. So the sets {K <= k} are convex, and for all unit vectors u, v and all e > 0 each
+    /// lies in the half-space
+    ///
+    /// ```text
+    /// u . A(q) v     <= kappa e^(1/3) (2 + det A(q) / e) / 3        for K_O
+    /// u . adj A(q) v <= kappa e^(2/3) (1 + 2 det A(q) / e) / 3      for K_I
+    /// ```
+    ///
+    /// (on the right the tangent of a concave power at e). Multipliers >= 0 for which the combination of such
+    /// inequalities is violated at every point of a ball that contains {K <= k} prove that this set is empty. Such a ball:
+    /// in a tet with H = s1 / s3, the distance of q from a fixed vertex is at most s1 times that in the domain, and
+    /// s1 <= H s3 <= H times the stretch of any fixed edge, where `H <= k^(2/3)` (for one of K_I and K_O alone, H <= k).
+    ///
+    /// **Method**. Cutting planes: the half-spaces with the singular vectors and determinants at the positions tried, a
+    /// linear program for the next position and the multipliers. The program's solution is only a suggestion: the lower
+    /// end is what its multipliers prove ([`prove`]), with the remaining slope of the combination charged over the whole ball
+    /// and 256 eps times the condition of each tet for the rounding of its inequality.
+    pub fn least(&self, kind: Kind, floor: f64) -> Option<Least> {
+        let mut best = self.start.or_else(|| self.interior_point())?;
+        let mut upper = self.value(kind, &best);
+        let (mut lower, mut programs) = (1.0f64, 0);
+        let first_radius = self.radius(kind, upper);
+        let mut cuts = self.cuts(kind, &best, first_radius, 0.0);
+        let walls: Vec<Cut> = self.tets.iter().map(|tet| tet.wall(kind, upper, first_radius)).collect();
+        while programs < MOST_PROGRAMS && lower.powi(3) < upper.powi(3) * (1.0 - ACCURACY) {
+            if upper.powi(3) <= floor {
+                break;
+            }
+            programs += 1;
+            let radius = self.radius(kind, upper);
+            let Some((mut step, model, multipliers)) = next(&cuts, &walls, &best, upper, radius) else { break };
+            let proved = prove(cuts.iter().chain(&walls).zip(&multipliers), upper, radius);
+            lower = lower.max(proved);
+            if model > -LEAST_GAIN {
+                break;
+            }
+            // The solver may overstep a wall by its tolerance.
+            while !self.value(kind, &(best + step)).is_finite() && step.norm() > f64::EPSILON {
+                step *= 0.5;
+            }
+            let tried = best + step;
+            let value = self.value(kind, &tried);
+            if !value.is_finite() {
+                break;
+            }
+            if cuts.len() > MOST_CUTS {
+                cuts.sort_by(|a, b| {
+                    let slack = |cut: &Cut| cut.right.at(&tried) * upper - cut.left.at(&tried);
+                    slack(a).total_cmp(&slack(b))
+                });
+                cuts.truncate(MOST_CUTS / 2);
+            }
+            cuts.extend(self.cuts(kind, &tried, first_radius, upper + model));
+            if value < upper {
+                (best, upper) = (tried, value);
+            }
+        }
+        Some(Least { lower: (lower.powi(3) * (1.0 - 8.0 * f64::EPSILON)).max(1.0), upper: upper.powi(3), programs })
+            .filter(|least| least.lower.is_finite())
+    }
+
+    /// The cube root of the largest dilatation at q; infinite where a determinant is not positive.
+    fn value(&self, kind: Kind, q: &Vec3) -> f64 {
+        self.tets.iter().map(|tet| tet.value(kind, q)).fold(0.0, f64::max)
+    }
+
+    /// The half-spaces by the singular vectors at q, of the tets whose dilatation exceeds kappa^3 there.
+    fn cuts(&self, kind: Kind, q: &Vec3, radius: f64, kappa: f64) -> Vec<Cut> {
+        let kinds: &[Kind] = match kind {
+            Kind::K => &[Kind::Inner, Kind::Outer],
+            Kind::Inner => &[Kind::Inner],
+            Kind::Outer => &[Kind::Outer],
+        };
+        let pairs = self.tets.iter().flat_map(|tet| kinds.iter().map(move |&kind| (tet, kind)));
+        pairs.filter(|(tet, kind)| tet.value(*kind, q) >= kappa).map(|(tet, kind)| tet.cut(kind, q, radius)).collect()
+    }
+
+    /// Radius of a ball about 0 that contains all q with a dilatation of at most kappa^3.
+    fn radius(&self, kind: Kind, kappa: f64) -> f64 {
+        let ratio = largest_ratio(kind, kappa);
+        let reach = self.tets.iter().map(|tet| ratio * tet.stretches[0] * tet.nearest).fold(f64::INFINITY, f64::min);
+        (1.0 + reach) * ROOM
+    }
+
+    /// The mean of the positions in which each tet alone has no shear and a normal stretch between those of its face.
+    fn natural_start(&self) -> Option<Vec3> {
+        let mean = self.tets.iter().map(FixedFace::natural).sum::<Vec3>() / self.tets.len() as f64;
+        self.value(Kind::K, &mean).is_finite().then_some(mean)
+    }
+
+    /// A position with positive determinants, as deep inside as a linear program finds it.
+    fn interior_point(&self) -> Option<Vec3> {
+        let none = Affine { at_zero: 1.0, slope: Vec3::zeros() };
+        let planes: Vec<Cut> = self
+            .tets
+            .iter()
+            .map(|tet| {
+                let det = tet.determinant();
+                let scale = -1.0 / det.slope.norm();
+                let left = Affine { at_zero: det.at_zero * scale, slope: det.slope * scale };
+                Cut { left, right: none, least: 0.0, errors: [0.0; 2] }
+            })
+            .collect();
+        let (point, _, _) = next(&planes, &[], &Vec3::zeros(), 0.0, START_BOX)?;
+        self.value(Kind::K, &point).is_finite().then_some(point)
+    }
+}
+
+/// The largest s1 / s3 where the dilatation is at most kappa^3.
+fn largest_ratio(kind: Kind, kappa: f64) -> f64 {
+    if kind == Kind::K { kappa.powi(2) } else { kappa.powi(3) }
+}
+
+impl FixedFace {
+    fn of(corners: [Vec3; 4], image: [Vec3; 4], free: usize) -> Option<Self> {
+        let face = crate::mesh::TetMesh::FACES[free];
+        // Even permutations only, so that determinants keep their signs.
+        let order = [free, face[0], face[1], face[2]];
+        let (x, y) = (order.map(|i| corners[i]), order.map(|i| image[i]));
+        let edges = edge_matrix(x);
+        let inverse = edges.try_inverse()?;
+        let condition = edges.norm() * inverse.norm();
+        // The barycentric coordinate of the free vertex is 1 minus the three others.
+        let gradient = -(inverse.row(0) + inverse.row(1) + inverse.row(2)).transpose();
+        let scale = 1.0 / gradient.norm();
+        // With the free vertex at 0 the edges from it are the fixed positions themselves.
+        let matrix = Mat3::from_columns(&[y[1], y[2], y[3]]) * inverse * scale;
+        let gradient = gradient * scale;
+        let sides = [(1, 2), (2, 3), (3, 1)].map(|(i, j)| (y[i] - y[j]).norm() / (x[i] - x[j]).norm() * scale);
+        let stretches = [sides.into_iter().fold(f64::INFINITY, f64::min), sides.into_iter().fold(0.0, f64::max)];
+        let nearest = [1, 2, 3].map(|i| (x[i] - x[0]).norm() / scale).into_iter().fold(f64::INFINITY, f64::min);
+        let usable = stretches[0] > 0.0 && [condition, stretches[1], nearest].into_iter().all(f64::is_finite);
+        let sign = if edges.determinant() > 0.0 { 1.0 } else { return None };
+        usable.then_some(Self { matrix: matrix * sign, gradient, stretches, nearest, condition })
+    }
+
+    fn jacobian(&self, q: &Vec3) -> Mat3 {
+        self.matrix + q * self.gradient.transpose()
+    }
+
+    /// The cube root of a dilatation, infinite where the determinant is not positive.
+    fn value(&self, kind: Kind, q: &Vec3) -> f64 {
+        let [s1, s2, s3] = svd(&self.jacobian(q)).values;
+        let det = s1 * s2 * s3;
+        if det.is_nan() || det <= 0.0 {
+            return f64::INFINITY;
+        }
+        let (inner, outer) = (det.cbrt() / s3, s1 / det.cbrt());
+        match kind {
+            Kind::Inner => inner,
+            Kind::Outer => outer,
+            Kind::K => inner.max(outer),
+        }
+    }
+
+    /// det A(q), by the matrix determinant lemma.
+    fn determinant(&self) -> Affine {
+        let [a, b, c] = [0, 1, 2].map(|i| self.matrix.column(i).into_owned());
+        let g = &self.gradient;
+        Affine { at_zero: self.matrix.determinant(), slope: b.cross(&c) * g.x + c.cross(&a) * g.y + a.cross(&b) * g.z }
+    }
+
+    /// The half-space by the singular vectors and the determinant at q.
+    fn cut(&self, kind: Kind, q: &Vec3, radius: f64) -> Cut {
+        let decomposition = svd(&self.jacobian(q));
+        let [s1, s2, s3] = decomposition.values;
+        let at = s1 * s2 * s3;
+        let det = self.determinant();
+        let size = self.matrix.norm() + radius;
+        let error = 256.0 * f64::EPSILON * self.condition;
+        let (left, power, parts) = if kind == Kind::Outer {
+            let (u, v) = (decomposition.left.column(0), decomposition.right.column(0).into_owned());
+            let slope = u * self.gradient.dot(&v);
+            (Affine { at_zero: u.dot(&(self.matrix * v)), slope }, at.cbrt(), [2.0, 1.0])
+        } else {
+            let (u, v) = (decomposition.right.column(2).into_owned(), decomposition.left.column(2).into_owned());
+            (self.adjugate_form(&u, &v), at.cbrt().powi(2), [1.0, 2.0])
+        };
+        let [constant, linear] = [power * parts[0] / 3.0, power * parts[1] / (3.0 * at)];
+        let right = Affine { at_zero: constant + linear * det.at_zero, slope: det.slope * linear };
+        let degree = if kind == Kind::Outer { 1 } else { 2 };
+        Cut {
+            left,
+            right,
+            least: constant / ROOM,
+            errors: [error * size.powi(degree), error * (constant + linear * size.powi(3))],
+        }
+    }
+
+    /// u . adj A(q) v; the rows of the adjugate are the cross products of A's columns.
+    fn adjugate_form(&self, u: &Vec3, v: &Vec3) -> Affine {
+        let column = |i: usize| self.matrix.column(i % 3).into_owned();
+        let mut form = Affine { at_zero: 0.0, slope: Vec3::zeros() };
+        for i in 0..3 {
+            let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+            form.at_zero += u[i] * column(j).cross(&column(k)).dot(v);
+            form.slope += (column(k).cross(v) * self.gradient[j] + v.cross(&column(j)) * self.gradient[k]) * u[i];
+        }
+        form
+    }
+
+    /// `det >= (s1 / H)^2 s1`, hence at least that of the largest stretch of a fixed edge, as an inequality without kappa.
+    fn wall(&self, kind: Kind, kappa: f64, radius: f64) -> Cut {
+        let det = self.determinant();
+        let least = self.stretches[1].powi(3) / largest_ratio(kind, kappa).powi(2) / ROOM;
+        let left = Affine { at_zero: least - det.at_zero, slope: -det.slope };
+        let error = 256.0 * f64::EPSILON * self.condition * (self.matrix.norm() + radius).powi(3);
+        Cut { left, right: Affine { at_zero: 0.0, slope: Vec3::zeros() }, least: 0.0, errors: [error, 0.0] }
+    }
+
+    /// The position without shear whose normal stretch is the geometric mean of the face's least and largest.
+    fn natural(&self) -> Vec3 {
+        // A(q) n with n the unit normal of the face, which is the gradient: A(q) n = matrix n + q.
+        let normal = svd(&(self.matrix * (Mat3::identity() - self.gradient * self.gradient.transpose())))
+            .left
+            .column(2)
+            .into_owned();
+        let stretch = (self.stretches[0] * self.stretches[1]).sqrt();
+        let apart = self.matrix * self.gradient;
+        let [one, other] = [normal, -normal].map(|normal| normal * stretch - apart);
+        if self.value(Kind::K, &one) <= self.value(Kind::K, &other) { one } else { other }
+    }
+}
+
+/// The step from `best` to the minimum of the largest `left - kappa right`, each in units of its right side at `best`,
+/// beyond no wall; that minimum, and the multipliers of cuts and walls. Nothing if the solver fails.
+fn next(cuts: &[Cut], walls: &[Cut], best: &Vec3, kappa: f64, radius: f64) -> Option<(Vec3, f64, Vec<f64>)> {
+    let (mut rows, mut bounds, mut units): (Vec<[f64; 4]>, Vec<f64>, Vec<f64>) = Default::default();
+    for (index, cut) in cuts.iter().chain(walls).enumerate() {
+        let is_cut = index < cuts.len();
+        let unit = if is_cut { cut.right.at(best) } else { cut.left.slope.norm() };
+        let slope = (cut.left.slope - cut.right.slope * kappa) / unit;
+        rows.push([slope.x, slope.y, slope.z, if is_cut { -1.0 } else { 0.0 }]);
+        bounds.push((kappa * cut.right.at(best) - cut.left.at(best)) / unit);
+        units.push(unit);
+    }
+    for axis in 0..3 {
+        for sign in [1.0, -1.0] {
+            let mut row = [0.0; 4];
+            row[axis] = sign;
+            rows.push(row);
+            bounds.push(radius - sign * best[axis]);
+        }
+    }
+    let starts = (0..=4).map(|j| j * rows.len()).collect();
+    let indices = (0..4).flat_map(|_| 0..rows.len()).collect();
+    let values = (0..4).flat_map(|j| rows.iter().map(move |row| row[j])).collect();
+    let matrix = CscMatrix::new(rows.len(), 4, starts, indices, values);
+    let cones: [SupportedConeT<f64>; 1] = [NonnegativeConeT(bounds.len())];
+    let settings = DefaultSettings {
+        verbose: false,
+        max_threads: 1,
+        tol_gap_abs: 1e-12,
+        tol_gap_rel: 1e-12,
+        tol_feas: 1e-12,
+        ..Default::default()
+    };
+    let mut solver =
+        DefaultSolver::new(&CscMatrix::zeros((4, 4)), &[0.0, 0.0, 0.0, 1.0], &matrix, &bounds, &cones, settings)
+            .ok()?;
+    solver.solve();
+    // Whatever accuracy was reached: the multipliers have to prove their bound, and the step has to lower K.
+    let usable = matches!(
+        solver.solution.status,
+        SolverStatus::Solved | SolverStatus::AlmostSolved | SolverStatus::InsufficientProgress
+    );
+    let (x, z) = (&solver.solution.x, &solver.solution.z);
+    let finite = x.iter().chain(z).all(|value| value.is_finite());
+    (usable && finite).then(|| {
+        let multipliers = z.iter().zip(units).map(|(z, unit)| z.max(0.0) / unit).collect();
+        (Vec3::new(x[0], x[1], x[2]), x[3], multipliers)
+    })
+}
+
+/// A kappa below which no point of the ball with positive determinants satisfies all inequalities; 0 if the multipliers
+/// prove none.
+///
+/// Let -e be the least value in the ball of the combination of `left - kappa_0 right`. Where the inequalities hold for some
+/// kappa, the combination of `left - kappa right` is at most 0, hence (kappa_0 - kappa) times that of `right` at most e.
+fn prove<'a>(combination: impl Iterator<Item = (&'a Cut, &'a f64)>, kappa: f64, radius: f64) -> f64 {
+    let mut sum = Affine { at_zero: 0.0, slope: Vec3::zeros() };
+    let (mut error, mut least) = (0.0, 0.0);
+    for (cut, &multiplier) in combination {
+        sum.at_zero += (cut.left.at_zero - kappa * cut.right.at_zero) * multiplier;
+        sum.slope += (cut.left.slope - cut.right.slope * kappa) * multiplier;
+        error += (cut.errors[0] + kappa * cut.errors[1]) * multiplier;
+        least += cut.least * multiplier;
+    }
+    let excess = (sum.slope.norm() * radius + error) * ROOM - sum.at_zero;
+    let proved = kappa - (excess.max(0.0) / least) * ROOM;
+    if proved > 0.0 { proved } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::mesh::TetMesh;
+    use crate::mesh::fixtures::{cube, fan, hull};
+
+    fn star(domain: &Domain, image: &[Vec3]) -> FreeVertex {
+        let vertex = VertexId(domain.mesh().points().len() as u32 - 1);
+        let tets: Vec<TetId> = (0..domain.mesh().tets().len() as u32).map(TetId).collect();
+        FreeVertex::of(domain, vertex, &tets, image).unwrap()
+    }
+
+    #[test]
+    fn one_tet_over_a_stretched_face_has_the_trace_bound() {
+        // B1: the least K is r^(3/2), r the ratio of the face's singular values, attained without shear.
+        let points = vec![Vec3::new(0.1, 0.2, 0.0), Vec3::x(), Vec3::y(), Vec3::new(0.3, 0.4, 0.8)];
+        let (mesh, _) = TetMesh::from_either_orientation(points, vec![[0, 1, 2, 3].map(VertexId)]).unwrap();
+        let domain = Domain::any_topology(mesh).unwrap();
+        for ratio in [1.0, 1.7, 9.0] {
+            let image: Vec<Vec3> =
+                domain.mesh().points().iter().map(|p| Vec3::new(ratio * p.x + 3.0, p.y, 0.0)).collect();
+            let least = star(&domain, &image).least(Kind::K, 1.0).unwrap();
+            let exact = ratio.powf(1.5);
+            // The accuracy asked for.
+            assert!(least.lower <= exact && least.lower >= exact * (1.0 - 1.01 * ACCURACY), "{} {exact}", least.lower);
+            assert!(least.upper >= exact * (1.0 - 1e-12));
+        }
+    }
+
+    #[test]
+    fn the_identity_of_a_fan_is_found_wherever_its_vertex_is() {
+        let domain = Domain::new(fan(&cube(), Vec3::new(0.5, -0.6, 0.1))).unwrap();
+        let least = star(&domain, domain.mesh().points()).least(Kind::K, 1.0).unwrap();
+        // Near a similarity K - 1 grows linearly with the displacement, so the accuracy is that of the search.
+        assert!(
+            (least.lower, least.upper) >= (1.0, 1.0) && least.upper < 1.0 + 1e-6,
+            "{} {}",
+            least.lower,
+            least.upper
+        );
+    }
+
+    #[test]
+    fn a_boundary_without_a_kernel_has_no_least_value() {
+        let domain = Domain::new(fan(&cube(), Vec3::zeros())).unwrap();
+        let mirrored: Vec<Vec3> = domain.mesh().points().iter().map(|p| -p).collect();
+        assert!(star(&domain, &mirrored).least(Kind::K, 1.0).is_none());
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        /// The ends meet, and no position tried is below the lower one: the definition of the bound.
+        #[test]
+        fn no_position_has_a_smaller_dilatation(
+            noise in prop::collection::vec(prop::array::uniform3(-0.45..0.45f64), 9),
+            tries in prop::collection::vec(prop::array::uniform3(-1.0..1.0f64), 100),
+            solid in 0..2,
+        ) {
+            let tetrahedron = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]];
+            let solid = if solid == 0 { cube() } else { hull(tetrahedron.map(Vec3::from).to_vec()) };
+            let domain = Domain::new(fan(&solid, Vec3::zeros())).unwrap();
+            let image: Vec<Vec3> =
+                domain.mesh().points().iter().zip(&noise).map(|(p, noise)| p + Vec3::from(*noise)).collect();
+            let star = star(&domain, &image);
+            for kind in [Kind::K, Kind::Inner, Kind::Outer] {
+                let Some(least) = star.least(kind, 1.0) else { continue };
+                prop_assert!(least.lower <= least.upper * (1.0 + 1e-12));
+                prop_assert!(least.lower >= least.upper * (1.0 - 2e-6), "{kind:?} {} {}", least.lower, least.upper);
+                for place in &tries {
+                    let value = star.value(kind, &Vec3::from(*place)).powi(3);
+                    prop_assert!(value >= least.lower * (1.0 - 1e-12), "{kind:?} {value} {}", least.lower);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,124 @@
+//! Checking a results folder from its files alone.
+//!
+//! Nothing is taken from the program that wrote it: the two meshes give the map, and what can be computed from a map is
+//! computed anew and compared with what `report.json`, `cells.csv`, `trace.csv` and `summary.txt` claim. The config's text
+//! is held against its hash. How an optimisation went cannot be seen in its result: of the trace, the stop reason and the
+//! KKT residual (of the map before any polish) only the agreement with each other and with the rest is checked. Taken on
+//! trust are the radial map started from beyond its dilatations, the centre's kernel radius and angle, the splits and
+//! untangling, versions, warnings and times.
+
+mod claims;
+mod files;
+mod rounding;
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use files::Files;
+
+/// Why a folder cannot be checked at all.
+#[derive(Debug, thiserror::Error)]
+pub enum VerifyError {
+    /// There is no report.
+    #[error("{} is not a results folder: {message}; name one that `qcball run` wrote", folder.display())]
+    NoReport {
+        /// The folder.
+        folder: PathBuf,
+        /// What is missing.
+        message: String,
+    },
+}
+
+/// What came of checking a results folder.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Verification {
+    /// Whether every claim that was checked holds.
+    pub verified: bool,
+    /// The largest K of the final map rounded up, for exactly the positions in the files; `null` in JSON if infinite, and
+    /// none if there is no map to measure.
+    pub max_k_upper: Option<f64>,
+    /// What was checked, in order.
+    pub checks: Vec<Check>,
+    /// What differs, in the order it was found.
+    pub discrepancies: Vec<String>,
+}
+
+/// One thing that was checked.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Check {
+    /// What, in words.
+    pub what: String,
+    /// How many discrepancies it brought up.
+    pub discrepancies: usize,
+}
+
+/// Checks the folder of a run; `verified` is the answer.
+///
+/// # Errors
+/// The folder holds no report to check.
+pub fn verify(folder: &Path) -> Result<Verification, VerifyError> {
+    let mut findings = Findings::default();
+    let report = files::report(folder)?;
+    if let Some(files) = Files::read(folder, report, &mut findings) {
+        claims::check(&files, &mut findings);
+    }
+    Ok(findings.into_verification())
+}
+
+/// What was found so far.
+#[derive(Default)]
+struct Findings {
+    checks: Vec<Check>,
+    discrepancies: Vec<String>,
+    max_k_upper: Option<f64>,
+}
+
+impl Findings {
+    /// Begins a check; what is found next belongs to it.
+    fn begin(&mut self, what: impl Into<String>) {
+        self.checks.push(Check { what: what.into(), discrepancies: 0 });
+    }
+
+    /// Records a discrepancy of the check begun last.
+    fn found(&mut self, discrepancy: impl Into<String>) {
+        if let Some(check) = self.checks.last_mut() {
+            check.discrepancies += 1;
+        }
+        self.discrepancies.push(discrepancy.into());
+    }
+
+    /// Records a discrepancy unless all is well.
+    fn expect(&mut self, well: bool, discrepancy: impl FnOnce() -> String) {
+        if !well {
+            self.found(discrepancy());
+        }
+    }
+
+    fn into_verification(self) -> Verification {
+        let Self { checks, discrepancies, max_k_upper } = self;
+        Verification { verified: discrepancies.is_empty(), max_k_upper, checks, discrepancies }
+    }
+}
+
+impl fmt::Display for Verification {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        /// More of them would not be read.
+        const NAMED: usize = 20;
+        for check in &self.checks {
+            let verdict = if check.discrepancies == 0 { "holds" } else { "FAILS" };
+            writeln!(f, "{verdict}  {}", check.what)?;
+        }
+        for discrepancy in self.discrepancies.iter().take(NAMED) {
+            writeln!(f, "differs     {discrepancy}")?;
+        }
+        if self.discrepancies.len() > NAMED {
+            writeln!(f, "            and {} more; --json lists all", self.discrepancies.len() - NAMED)?;
+        }
+        if let Some(upper) = self.max_k_upper {
+            writeln!(f, "max K <=    {upper:.12} for exactly the positions in image.vtu")?;
+        }
+        writeln!(f, "{}", if self.verified { "verified" } else { "NOT verified" })
+    }
+}
