@@ -12,6 +12,7 @@
 
 mod boundary_image;
 mod caraman;
+pub mod certificate;
 mod edge_limit;
 mod edge_ratio;
 mod fan;
