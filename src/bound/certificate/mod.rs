@@ -2,13 +2,14 @@
 
 mod check;
 mod interval;
+mod path;
 mod relaxed;
 mod search;
 
 use serde::{Deserialize, Serialize};
 
 use check::Checker;
-pub use search::{Settings, search};
+pub use search::search;
 
 use crate::domain::Domain;
 use crate::mesh::{TetId, Vec3};
