@@ -1,7 +1,8 @@
 //! The check of a certificate: interval arithmetic and one sparse Cholesky factorization with an a-priori error bound.
 
 use super::interval::{Interval, cross, dot};
-use super::{Multipliers, Rejection};
+use super::Rejection;
+use super::multipliers::Multipliers;
 use crate::domain::Domain;
 use crate::linalg::BlockCholesky;
 use crate::mesh::{TetId, Vec3, VertexId};
@@ -40,6 +41,9 @@ impl<'a> Checker<'a> {
         let mut free: Vec<VertexId> = vertices.filter(|&v| !domain.boundary().contains(v)).collect();
         free.sort_unstable();
         free.dedup();
+        if free.is_empty() {
+            return Err(Rejection::NothingFree);
+        }
         let unknown = |v: VertexId| free.binary_search(&v).ok().map(|unknown| unknown as u32);
         let unknowns: Vec<[Option<u32>; 4]> = tets.iter().map(|tet| mesh.tets()[tet.index()].map(unknown)).collect();
         let edges: Vec<(u32, u32)> = unknowns.iter().flat_map(pairs).map(|(_, _, row, column)| (row, column)).collect();
@@ -54,9 +58,6 @@ impl<'a> Checker<'a> {
     /// # Errors
     /// The first condition that could not be verified.
     pub(super) fn check(&mut self, level: f64, multipliers: &[Multipliers], image: &[Vec3]) -> Result<(), Rejection> {
-        if !(level >= 1.0 && level.is_finite()) {
-            return Err(Rejection::Malformed(format!("the level is {level}; it must be a number of at least 1")));
-        }
         for (tet, multipliers) in self.tets.iter().zip(multipliers) {
             if !multipliers.satisfy_the_trace_condition(level) {
                 return Err(Rejection::TraceCondition { tet: tet.0 });
@@ -199,46 +200,4 @@ fn gradients([x0, x1, x2, x3]: [Vec3; 4]) -> Option<[[Interval; 3]; 4]> {
     let inverse = dot(a, normals[0]).reciprocal()?;
     let [g1, g2, g3] = normals.map(|normal| normal.map(|entry| entry * inverse));
     Some([[0, 1, 2].map(|i| -(g1[i] + g2[i] + g3[i])), g1, g2, g3])
-}
-
-impl Multipliers {
-    /// Whether `tr S >= k^(4/3) tr R + (1 + k^(2/3) + k^(4/3)) rho`, rho >= 0, all rounded to the safe side.
-    fn satisfy_the_trace_condition(&self, level: f64) -> bool {
-        let root = cube_root_above(level);
-        let square = root * root;
-        let trace = |factor: &[f64; 6]| {
-            factor.iter().map(|&entry| Interval::exactly(entry)).fold(Interval::ZERO, |sum, entry| sum + entry * entry)
-        };
-        let (ratio, constant) = (square * square, Interval::exactly(1.0) + square + square * square);
-        let paid = ratio * trace(&self.upper) + constant * Interval::exactly(self.trace);
-        self.trace >= 0.0 && trace(&self.lower).lower >= paid.upper
-    }
-
-    /// `M = S - R - rho I`.
-    fn form(&self) -> [[Interval; 3]; 3] {
-        let square = |factor: &[f64; 6]| {
-            let f = factor.map(Interval::exactly);
-            let rows = [[f[0], Interval::ZERO, Interval::ZERO], [f[1], f[2], Interval::ZERO], [f[3], f[4], f[5]]];
-            rows.map(|row| rows.map(|other| dot(row, other)))
-        };
-        let (lower, upper) = (square(&self.lower), square(&self.upper));
-        [0, 1, 2].map(|i| {
-            [0, 1, 2].map(|j| {
-                let entry = lower[i][j] - upper[i][j];
-                if i == j { entry - Interval::exactly(self.trace) } else { entry }
-            })
-        })
-    }
-}
-
-/// An interval whose upper end is at least the cube root of `level`; that is verified, not taken from the library.
-fn cube_root_above(level: f64) -> Interval {
-    let mut root = level.cbrt();
-    loop {
-        let cube = Interval::exactly(root) * Interval::exactly(root) * Interval::exactly(root);
-        if cube.lower >= level || !root.is_finite() {
-            return Interval::exactly(root);
-        }
-        root = root.next_up();
-    }
 }

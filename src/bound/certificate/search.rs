@@ -1,14 +1,17 @@
-//! The search for a certificate.
+//! The search for a certificate: where to look, and how multipliers become one.
 
 use std::time::{Duration, Instant};
+
+use rayon::prelude::*;
 
 use super::check::Checker;
 use super::path::{Path, Stage};
 use super::relaxed::{Barrier, Level};
-use super::{Certificate, Multipliers};
+use super::Certificate;
+use super::multipliers::Multipliers;
 use crate::domain::Domain;
 use crate::measure::{Measured, measure};
-use crate::mesh::{Mat3, TetId, Vec3};
+use crate::mesh::{TetId, Vec3};
 
 /// Boundary vertices are tried if the largest K at them is at least this fraction of the largest of all.
 const NEAR_LARGEST: f64 = 0.6;
@@ -45,28 +48,25 @@ pub fn search(domain: &Domain, image: &[Vec3], time_limit: Duration) -> Option<C
     if !measured.summary.max_k.is_finite() {
         return None;
     }
-    let deadline = start + time_limit;
-    let mut search = Search { domain, image, measured: &measured, deadline, best: None };
-    let mut places: Vec<(f64, Vec<TetId>)> = Vec::new();
-    for star in stars(domain, &measured) {
+    let mut search = Search { domain, image, measured: &measured, deadline: start + time_limit, best: None };
+    let level_around = |star: Vec<TetId>| {
         if start.elapsed() > time_limit / 2 {
-            break;
+            return None;
         }
         let tets = with_neighbours(domain, &star);
-        if let Some(path) = search.rough(tets.clone()) {
-            places.push((path.log_level(), tets));
-        }
-    }
-    if verbose() { eprintln!("{} places {:.1} s", places.len(), start.elapsed().as_secs_f64()); }
+        let path = search.rough(tets.clone())?;
+        Some((path.log_level(), tets))
+    };
+    let mut places: Vec<(f64, Vec<TetId>)> =
+        stars(domain, &measured).into_par_iter().filter_map(level_around).collect();
     places.sort_by(|a, b| b.0.total_cmp(&a.0));
     for (level, mut tets) in places.into_iter().take(FINALISTS) {
         if level < search.best_log() {
             break;
         }
         let mut reached = f64::NEG_INFINITY;
-        while tets.len() <= MOST_TETS && Instant::now() < deadline {
+        while tets.len() <= MOST_TETS && Instant::now() < search.deadline {
             let Some(level) = search.on(tets.clone()) else { break };
-            if verbose() { eprintln!("{} tets: relaxed {:.5} best {:.5} {:.1}", tets.len(), level.exp(), search.best_log().exp(), start.elapsed().as_secs_f64()); }
             let larger = with_neighbours(domain, &tets);
             if level < reached + WORTHWHILE || larger.len() == tets.len() {
                 break;
@@ -77,7 +77,17 @@ pub fn search(domain: &Domain, image: &[Vec3], time_limit: Duration) -> Option<C
     search.best
 }
 
-fn verbose() -> bool { std::env::var("CERT_VERBOSE").is_ok() }
+
+/// The same on one sub-complex only.
+///
+/// # Panics
+/// If `image` has fewer positions than the domain has vertices.
+pub fn search_on(domain: &Domain, image: &[Vec3], tets: Vec<TetId>, time_limit: Duration) -> Option<Certificate> {
+    let deadline = Instant::now() + time_limit;
+    let mut search = Search { domain, image, measured: &measure(domain, image), deadline, best: None };
+    search.on(tets)?;
+    search.best
+}
 
 struct Search<'a> {
     domain: &'a Domain,
@@ -161,10 +171,10 @@ impl<'a> Search<'a> {
                 }
                 let (log, level) = (Level::new(trial), trial.exp());
                 let multipliers: Vec<Multipliers> =
-                    kept.iter().map(|&index| multipliers(&path.barriers()[index], log, largest.recip())).collect();
+                    kept.iter().map(|&index| Multipliers::of(&path.barriers()[index], log, largest.recip())).collect();
                 if checker.check(level, &multipliers, self.image).is_ok() {
                     (proved, raised) = (trial, true);
-                    self.best = Some(Certificate { level, tets: tets.iter().map(|tet| tet.0).collect(), multipliers });
+                    self.best = Some(Certificate::new(level, &tets, &multipliers));
                 } else {
                     open = trial;
                     if !raised {
@@ -182,28 +192,6 @@ fn heavy(barriers: &[Barrier], threshold: f64) -> (Vec<usize>, f64) {
     let weights: Vec<f64> = barriers.iter().map(Barrier::weight).collect();
     let largest = weights.iter().copied().fold(0.0, f64::max);
     ((0..weights.len()).filter(|&index| weights[index] >= threshold * largest).collect(), largest)
-}
-
-/// The multipliers at a point of the path, times `scale`, R and rho stretched so that they pass the trace condition of a
-/// lower level with little to spare.
-fn multipliers(barrier: &Barrier, level: Level, scale: f64) -> Multipliers {
-    /// Left for the rounding of the traces and factors below.
-    const SPARE: f64 = 1e-13;
-    let factor = |eigenvalues: &Vec3, scale: f64| -> [f64; 6] {
-        let matrix = barrier.axes * Mat3::from_diagonal(&(eigenvalues * scale)) * barrier.axes.transpose();
-        // Where rounding makes a huge ratio of eigenvalues indefinite, nothing is a valid multiplier, too.
-        matrix.cholesky().map_or([0.0; 6], |factor| {
-            let l = factor.l();
-            [l[(0, 0)], l[(1, 0)], l[(1, 1)], l[(2, 0)], l[(2, 1)], l[(2, 2)]]
-        })
-    };
-    let paid = level.ratio * barrier.upper.sum() + level.trace * barrier.trace;
-    let stretch = (1.0 - SPARE) * barrier.lower.sum() / paid;
-    Multipliers {
-        lower: factor(&barrier.lower, scale),
-        upper: factor(&barrier.upper, scale * stretch),
-        trace: barrier.trace * scale * stretch,
-    }
 }
 
 /// The tets at each boundary vertex near which K is among the largest, ascending; largest K first, without those whose
