@@ -35,7 +35,7 @@ enum Command {
     /// Measure the exact dilatations of the map between two meshes with the same connectivity.
     Measure(measure::MapArguments),
     /// Print proved lower bounds for the dilatation of the map between two meshes with the same connectivity.
-    Bounds(measure::MapArguments),
+    Bounds(measure::BoundArguments),
     /// Lower the dilatation of a map given by two meshes: any start, any fixed vertices, any target.
     Optimize(optimize::OptimizeArguments),
     /// Optimize every mesh of a folder and write a table of the results, beside those of other programs.

@@ -43,6 +43,8 @@ pub struct Config {
     pub map: MapTable,
     /// How the map is improved.
     pub optimize: OptimizeTable,
+    /// How bounds are looked for.
+    pub bounds: BoundsTable,
 }
 
 /// The table `[domain]`: exactly one of `solid` and `file`, and what the solid needs.
@@ -240,6 +242,18 @@ pub struct OptimizeTable {
     /// Most seconds of optimizing, > 0. Default: no limit. A run that ends by it need not be repeatable.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub time_limit: Option<f64>,
+}
+
+/// The table `[bounds]`.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct BoundsTable {
+    /// Search for a Gram certificate, the strongest bound for the mesh with its boundary, which takes some seconds; it goes to
+    /// certificate.json. Default: false.
+    pub certify: bool,
+    /// Most seconds of that search, > 0. Default: 60. A search that ends by it need not be repeatable.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub certify_time_limit: Option<f64>,
 }
 
 /// What follows a settled largest K.

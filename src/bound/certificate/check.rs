@@ -1,7 +1,7 @@
 //! The check of a certificate: interval arithmetic and one sparse Cholesky factorization with an a-priori error bound.
 
-use super::interval::{Interval, cross, dot};
 use super::Rejection;
+use super::interval::{Interval, cross, dot};
 use super::multipliers::Multipliers;
 use crate::domain::Domain;
 use crate::linalg::BlockCholesky;
@@ -154,9 +154,8 @@ impl<'a> Checker<'a> {
             let edges = [1, 2, 3].map(|i| difference(corners[i], corners[0]));
             for coordinate in 0..3 {
                 // A row of the Jacobian, and its product with twice M.
-                let row = [0, 1, 2].map(|j| {
-                    dot(edges.map(|edge| edge[coordinate]), [1, 2, 3].map(|i| gradients[i][j]))
-                });
+                let row =
+                    [0, 1, 2].map(|j| dot(edges.map(|edge| edge[coordinate]), [1, 2, 3].map(|i| gradients[i][j])));
                 let product = form.map(|entries| dot(entries, row));
                 value = value + dot(product, row);
                 let twice = product.map(|entry| entry + entry);

@@ -80,7 +80,8 @@ impl Mul for Interval {
         if products.iter().any(|product| product.is_nan()) {
             return Self::WHOLE;
         }
-        let [lower, upper] = [f64::min, f64::max].map(|extreme| products.into_iter().reduce(extreme).unwrap_or(f64::NAN));
+        let [lower, upper] =
+            [f64::min, f64::max].map(|extreme| products.into_iter().reduce(extreme).unwrap_or(f64::NAN));
         Self::around(lower, upper)
     }
 }

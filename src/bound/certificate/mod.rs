@@ -43,6 +43,8 @@ mod search;
 #[cfg(test)]
 mod tests;
 
+use std::time::Duration;
+
 use serde::{Deserialize, Serialize};
 
 pub use search::{search, search_on};
@@ -52,6 +54,9 @@ use crate::domain::Domain;
 use crate::mesh::{Place, TetId, Vec3, VertexId};
 use check::Checker;
 use multipliers::Multipliers;
+
+/// The longest search where nothing else is said.
+pub const DEFAULT_TIME_LIMIT: Duration = Duration::from_secs(60);
 
 /// A certificate; `certificate.json` holds it under these names. Entry i of every list belongs to tet `tets[i]`.
 ///

@@ -250,6 +250,9 @@ impl<'a> Relaxation<'a> {
         let mut free: Vec<VertexId> = vertices.filter(|&v| !domain.boundary().contains(v)).collect();
         free.sort_unstable();
         free.dedup();
+        if free.is_empty() {
+            return None;
+        }
         let unknown = |v: VertexId| free.binary_search(&v).ok().map(|unknown| unknown as u32);
         let unknowns: Vec<[Option<u32>; 4]> = tets.iter().map(|tet| mesh.tets()[tet.index()].map(unknown)).collect();
         let mut edges = Vec::new();

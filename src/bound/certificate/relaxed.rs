@@ -30,9 +30,7 @@ impl Level {
 
     /// First and second derivative of `ratio` and of `trace` by ln k.
     fn derivatives(self) -> [[f64; 2]; 2] {
-        let by = |power: i32| {
-            [(2.0 / 3.0f64).powi(power) * self.middle, (4.0 / 3.0f64).powi(power) * self.ratio]
-        };
+        let by = |power: i32| [(2.0 / 3.0f64).powi(power) * self.middle, (4.0 / 3.0f64).powi(power) * self.ratio];
         let ([m1, r1], [m2, r2]) = (by(1), by(2));
         [[r1, r2], [m1 + r1, m2 + r2]]
     }
@@ -84,9 +82,8 @@ impl Barrier {
             return None;
         }
         let SymmetricEigen { eigenvectors: axes, .. } = gram.symmetric_eigen();
-        let images = [0, 1, 2].map(|axis| {
-            (0..3).map(|column| columns[column] * axes[(column, axis)]).sum::<Position>()
-        });
+        let images =
+            [0, 1, 2].map(|axis| (0..3).map(|column| columns[column] * axes[(column, axis)]).sum::<Position>());
         // More digits of small eigenvalues than the sum that the decomposition works with.
         let eigenvalues = Vec3::from_fn(|axis, _| images[axis].norm_squared());
         let tau = minimizing_tau(&eigenvalues, level)?;
@@ -112,7 +109,8 @@ impl Barrier {
         // By tau, its own derivative being zero.
         let tau_twice = lower.norm_squared() + a * a * squares + c * c * trace_squared;
         let tau_gram = Vec3::from_fn(|i, _| -lower[i] * lower[i] - a * upper[i] * upper[i] - c * trace_squared);
-        let tau_level = -ratio_1 * sum + tau * ratio_1 * a * squares - trace_1 * trace + tau * trace_1 * c * trace_squared;
+        let tau_level =
+            -ratio_1 * sum + tau * ratio_1 * a * squares - trace_1 * trace + tau * trace_1 * c * trace_squared;
         let level_gram = upper.map(|r| -tau * ratio_1 * r * r - tau * trace_1 * trace_squared);
         let by_level = -tau * (ratio_1 * sum + trace_1 * trace);
         let level_twice = -tau * (ratio_2 * sum + trace_2 * trace)
@@ -192,7 +190,11 @@ fn minimizing_tau(eigenvalues: &Vec3, level: Level) -> Option<f64> {
             add(1.0 / (a * tau - lambda), -a);
         }
         add(1.0 / (c * tau - sum), -c);
-        if slope > 0.0 { above = tau } else { below = tau }
+        if slope > 0.0 {
+            above = tau
+        } else {
+            below = tau
+        }
         let newton = tau - slope / curvature;
         let next = if below < newton && newton < above { newton } else { 0.5 * (below + above) };
         if (next - tau).abs() <= 1e-15 * tau {
@@ -201,4 +203,76 @@ fn minimizing_tau(eigenvalues: &Vec3, level: Level) -> Option<f64> {
         tau = next;
     }
     (floor < tau && tau < ceiling).then_some(tau)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn wave(seed: usize, scale: f64) -> [Position; 3] {
+        [0, 1, 2].map(|column| Position::from_fn(|row, _| scale * ((seed * 18 + column * 6 + row) as f64 * 1.7).sin()))
+    }
+
+    fn columns() -> [Position; 3] {
+        let mut columns = wave(1, 0.2);
+        (0..3).for_each(|i| columns[i][i] += [1.0, 1.3, 0.8][i]);
+        columns
+    }
+
+    fn moved(direction: &[Position; 3], level_direction: f64, step: f64) -> f64 {
+        let columns = columns();
+        let columns = [0, 1, 2].map(|i| columns[i] + direction[i] * step);
+        Barrier::new(columns, Level::new(6.0f64.ln() + level_direction * step)).unwrap().value
+    }
+
+    #[test]
+    fn derivatives_match_differences() {
+        let barrier = Barrier::new(columns(), Level::new(6.0f64.ln())).unwrap();
+        let derivatives = barrier.derivatives();
+        let gradient = barrier.gradient(&derivatives, 0.0);
+        let mixed = barrier.mixed_gradient(&derivatives);
+        let hessian = barrier.hessian(&derivatives, 0.0, 1.0);
+        for seed in 2..12 {
+            let (direction, level_direction) = (wave(seed, 1.0), (seed as f64).cos());
+            // The same direction on the axes.
+            let on_axes = [0, 1, 2]
+                .map(|axis| (0..3).map(|column| direction[column] * barrier.axes[(column, axis)]).sum::<Position>());
+            let along = |slopes: &[Position; 3]| (0..3).map(|axis| slopes[axis].dot(&on_axes[axis])).sum::<f64>();
+            let first = along(&gradient) + derivatives.by_level * level_direction;
+            let mut second =
+                derivatives.by_level_twice * level_direction.powi(2) + 2.0 * level_direction * along(&mixed);
+            for a in 0..3 {
+                for b in 0..=a {
+                    let form = on_axes[a].dot(&(hessian[a][b] * on_axes[b]));
+                    second += if a == b { form } else { 2.0 * form };
+                }
+            }
+            // Truncation h^2 times third and fourth derivatives of some hundreds; rounding 1e-15 / h and / h^2.
+            let h = 1e-4;
+            let [up, middle, down] = [1.0, 0.0, -1.0].map(|sign| moved(&direction, level_direction, sign * h));
+            let scale = second.abs().max(10.0);
+            assert!((first - (up - down) / (2.0 * h)).abs() < 1e-4 * scale, "{first} {}", (up - down) / (2.0 * h));
+            let difference = (up + down - 2.0 * middle) / (h * h);
+            assert!((second - difference).abs() < 1e-3 * scale, "{second} {difference}");
+        }
+    }
+
+    #[test]
+    fn the_barrier_is_finite_just_where_the_level_allows_the_gram_matrix() {
+        // Singular values 2, 2^(1/2), 1: K = 2^(3/2), and all three conditions are equalities at that level.
+        let columns =
+            [0, 1, 2].map(|i| Position::from_fn(|row, _| if row == i { [2.0, 2f64.sqrt(), 1.0][i] } else { 0.0 }));
+        let log = 1.5 * 2f64.ln();
+        assert!(Barrier::new(columns, Level::new(log + 1e-9)).is_some());
+        assert!(Barrier::new(columns, Level::new(log - 1e-9)).is_none());
+    }
+
+    #[test]
+    fn the_multipliers_balance_each_other() {
+        // Stationary in tau: tr S = k^(4/3) tr R + c rho.
+        let level = Level::new(6.0f64.ln());
+        let barrier = Barrier::new(columns(), level).unwrap();
+        let paid = level.ratio * barrier.upper.sum() + level.trace * barrier.trace;
+        assert!((barrier.lower.sum() / paid - 1.0).abs() < 1e-10);
+    }
 }

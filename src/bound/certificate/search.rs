@@ -4,11 +4,11 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
+use super::Certificate;
 use super::check::Checker;
+use super::multipliers::Multipliers;
 use super::path::{Path, Stage};
 use super::relaxed::{Barrier, Level};
-use super::Certificate;
-use super::multipliers::Multipliers;
 use crate::domain::Domain;
 use crate::measure::{Measured, measure};
 use crate::mesh::{TetId, Vec3};
@@ -76,7 +76,6 @@ pub fn search(domain: &Domain, image: &[Vec3], time_limit: Duration) -> Option<C
     }
     search.best
 }
-
 
 /// The same on one sub-complex only.
 ///
