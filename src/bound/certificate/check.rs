@@ -135,7 +135,7 @@ impl<'a> Checker<'a> {
         }
         let radius = radii.iter().copied().fold(0.0, f64::max);
         let error = 4.0 * (count as f64 + 10.0) * f64::EPSILON * trace + 2.0 * radius + f64::MIN_POSITIVE;
-        if !(error < 1e-3) {
+        if error.is_nan() || error >= 1e-3 {
             return Err(Rejection::NotConcave);
         }
         self.factor.shift_diagonal(-2.0 * error);

@@ -22,12 +22,12 @@
 //! do**: where every tet had K <= k, each `<M, G> >= tau (tr S - k^(4/3) tr R - c rho) >= 0`, and Q >= 0. Orientation and
 //! injectivity are not needed.
 //!
-//! **Check** ([`check`]). From the mesh, the boundary positions and the certificate alone, with all rounding accounted for:
+//! **Check** ([`check()`]). From the mesh, the boundary positions and the certificate alone, with all rounding accounted for:
 //! gradients, Gram matrices, M, Q and its gradient by interval arithmetic; concavity by a sparse Cholesky factorization with
 //! an a-priori bound on its error; the maximum by `max Q <= Q(x) + |grad Q(x)|^2 / (4 lambda)` at an approximate maximiser x,
 //! lambda below the least eigenvalue of minus Q's Hessian / 2.
 //!
-//! **Search** ([`search`]). S, R and rho are the Lagrange multipliers of the problem "the least k for which the free vertices
+//! **Search** ([`search()`]). S, R and rho are the Lagrange multipliers of the problem "the least k for which the free vertices
 //! satisfy the conditions above" once vertices may move in more than three coordinates: with enough of them its local
 //! optima are global, and Q is concave there (Burer and Monteiro). It has the sparsity of the mesh, and a logarithmic barrier and
 //! Newton's method solve it on a star of 100 tets in some hundredths of a second. No conic solver is needed.

@@ -174,7 +174,7 @@ fn minimizing_tau(eigenvalues: &Vec3, level: Level) -> Option<f64> {
     const STEPS: usize = 100;
     let (a, c, sum) = (level.ratio, level.trace, eigenvalues.sum());
     let (mut below, mut above) = ((eigenvalues.max() / a).max(sum / c), eigenvalues.min());
-    if !(below < above) {
+    if below.is_nan() || below >= above {
         return None;
     }
     let (floor, ceiling) = (below, above);
