@@ -40,7 +40,7 @@ enum Command {
     /// Measure the exact dilatations of the map between two meshes with the same connectivity.
     Measure(measure::MapArguments),
     /// Print proved lower bounds for the dilatation of the map between two meshes with the same connectivity.
-    Bounds(measure::MapArguments),
+    Bounds(measure::BoundArguments),
     /// Lower the dilatation of a map given by two meshes: any start, any fixed vertices, any target.
     Optimize(optimize::OptimizeArguments),
     /// Run every case of a config's table [sweep], several at a time; go on where an earlier call was stopped.

@@ -210,7 +210,9 @@
 //! # }
 //! ```
 //!
-//! Values are lowered by a bound on their own rounding error. That is an error analysis, not interval arithmetic.
+//! Values are lowered by a bound on their own rounding error. That is an error analysis, not interval arithmetic. The
+//! strongest bound, which takes a search, is the Gram certificate ([`bound::certificate`]): data from which anybody can prove
+//! it again, checked with all rounding accounted for.
 //!
 //! # Determinism
 //!

@@ -24,6 +24,7 @@
 mod apex;
 mod boundary_image;
 mod caraman;
+pub mod certificate;
 mod edge_limit;
 mod edge_ratio;
 mod fan;

@@ -1,16 +1,19 @@
 //! `qcball measure REST IMAGE` and `qcball bounds REST IMAGE`: what can be said of any map that two mesh files give.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use clap::Args;
 use serde::Serialize;
 
+use super::optimize::{positive, refuse_to_write_over};
 use super::output::{note, print};
 use super::{Ending, Failure};
+use crate::bound::certificate::{self, DEFAULT_TIME_LIMIT};
 use crate::bound::{self, LowerBound};
 use crate::experiment::GivenMap;
 use crate::measure::{Summary, measure};
-use crate::report::{BestBound, Limit, bounds_table, dilatations, to_json};
+use crate::report::{BestBound, Limit, bounds_table, dilatations, to_json, write_certificate};
 
 /// The two files of a map.
 #[derive(Debug, Args)]
@@ -22,6 +25,22 @@ pub(crate) struct MapArguments {
     /// Print JSON.
     #[arg(long)]
     json: bool,
+}
+
+/// The map and how hard to look for bounds.
+#[derive(Debug, Args)]
+pub(crate) struct BoundArguments {
+    #[command(flatten)]
+    map: MapArguments,
+    /// Search for a Gram certificate too: stronger, and slower.
+    #[arg(long)]
+    certify: bool,
+    /// Most seconds of that search.
+    #[arg(long, value_name = "SECONDS", default_value_t = DEFAULT_TIME_LIMIT.as_secs_f64(), value_parser = positive, requires = "certify")]
+    time_limit: f64,
+    /// Write the certificate as JSON; anybody can check it against the two meshes.
+    #[arg(long, value_name = "FILE", requires = "certify")]
+    certificate: Option<PathBuf>,
 }
 
 /// What `bounds --json` prints.
@@ -68,17 +87,36 @@ pub(super) fn measure_map(arguments: &MapArguments) -> Result<Ending, Failure> {
 /// `qcball bounds`.
 ///
 /// Two meshes do not tell a star centre, so the bounds for radial boundary values are not among these.
-pub(super) fn bound_map(arguments: &MapArguments) -> Result<Ending, Failure> {
-    let GivenMap { domain, image, .. } = read_map(&arguments.rest, &arguments.image)?;
+pub(super) fn bound_map(arguments: &BoundArguments) -> Result<Ending, Failure> {
+    let MapArguments { rest, image, json } = &arguments.map;
+    if let Some(path) = &arguments.certificate {
+        refuse_to_write_over([rest, image], [path])?;
+    }
+    let GivenMap { domain, image, .. } = read_map(rest, image)?;
     let max_k = measure(&domain, &image).summary.max_k;
-    let bounds = bound::all(&domain, &image, None, false);
+    let mut bounds = bound::all(&domain, &image, None, false);
+    let mut found = true;
+    if arguments.certify {
+        let certificate = certificate::search(&domain, &image, Duration::from_secs_f64(arguments.time_limit));
+        let bound = certificate.as_ref().and_then(|found| certificate::bound(found, &domain, &image).ok());
+        match (&certificate, &arguments.certificate) {
+            (Some(certificate), Some(path)) => write_certificate(path, certificate)?,
+            (None, _) => {
+                found = false;
+                note("no certificate was found: the map has flipped tets, or the time limit is too short");
+            }
+            (Some(_), None) => {}
+        }
+        bounds.extend(bound);
+    }
     let best = BestBound::of(&bounds, max_k);
     let limit = Limit::of(max_k, &bounds, None);
-    if arguments.json {
-        print(&to_json(&BoundFigures { bounds, best, limit, max_k }))
+    if *json {
+        print(&to_json(&BoundFigures { bounds, best, limit, max_k }))?;
     } else {
-        print(&bounds_table(&bounds, best, &limit))
+        print(&bounds_table(&bounds, best, &limit))?;
     }
+    Ok(if found { Ending::Done } else { Ending::Unfulfilled })
 }
 
 /// Reads a map from its two files, and tells if the first one's tets had to be turned.

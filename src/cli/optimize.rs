@@ -69,7 +69,8 @@ pub(crate) struct OptimizeArguments {
     json: bool,
 }
 
-fn positive(text: &str) -> Result<f64, String> {
+/// Parses a positive number below 1e9.
+pub(super) fn positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value > 0.0 && value < 1e9 => Ok(value),
         _ => Err("give a positive number below 1e9".into()),
@@ -126,10 +127,17 @@ pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure>
 /// Refuses to write over what is read: the inputs may have no other copy.
 fn check_inputs_are_kept(arguments: &OptimizeArguments) -> Result<(), Failure> {
     let inputs = [Some(&arguments.rest), Some(&arguments.init), arguments.lock.as_ref()];
-    let outputs = [arguments.out.clone(), beside(&arguments.out)];
+    refuse_to_write_over(inputs.into_iter().flatten(), [&arguments.out, &beside(&arguments.out)])
+}
+
+/// Fails if an output is one of the inputs.
+pub(super) fn refuse_to_write_over<'a>(
+    inputs: impl IntoIterator<Item = &'a PathBuf>,
+    outputs: impl IntoIterator<Item = &'a PathBuf> + Clone,
+) -> Result<(), Failure> {
     // What does not exist yet is no input.
     let same = |a: &Path, b: &Path| matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b);
-    let hit = inputs.into_iter().flatten().find(|input| outputs.iter().any(|output| same(input, output)));
+    let hit = inputs.into_iter().find(|input| outputs.clone().into_iter().any(|output| same(input, output)));
     hit.map_or(Ok(()), |input| Err(Failure::OverInput { path: input.clone() }))
 }
 

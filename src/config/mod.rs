@@ -49,6 +49,8 @@ pub struct Config {
     pub optimize: OptimizeTable,
     /// What `qcball sweep` varies; a single run takes no notice of it.
     pub sweep: Option<SweepTable>,
+    /// How bounds are looked for.
+    pub bounds: BoundsTable,
 }
 
 /// The table `[domain]`: exactly one of `solid` and `file`, and what the solid needs.
@@ -311,6 +313,18 @@ pub enum Number {
     Whole(i64),
     /// With one.
     Real(f64),
+}
+
+/// The table `[bounds]`.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct BoundsTable {
+    /// Search for a Gram certificate, the strongest bound for the mesh with its boundary, which takes some seconds; it goes to
+    /// certificate.json. Default: false.
+    pub certify: bool,
+    /// Most seconds of that search, > 0. Default: 60. A search that ends by it need not be repeatable.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub certify_time_limit: Option<f64>,
 }
 
 /// What follows a settled largest K.

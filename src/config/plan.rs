@@ -1,6 +1,7 @@
 //! What a config means: checked, with paths resolved and choices as types.
 
 use std::path::{Component, Path, PathBuf};
+use std::time::Duration;
 
 use super::error::{ConfigError, EXAMPLE, Fault};
 use super::limits::{duration, positive, whole};
@@ -9,6 +10,7 @@ use super::{
     CentreName, CentreValue, Config, ConfigSource, ExponentName, ExponentValue, MapKind, MeshKind, ObjectiveName,
     PolishName, solid,
 };
+use crate::bound::certificate::DEFAULT_TIME_LIMIT;
 use crate::mesh::Vec3;
 use crate::mesh::io::holds_a_surface;
 use crate::optimize::{Objective, OptimizeSettings, Polish};
@@ -37,6 +39,8 @@ pub struct Plan {
     pub map: InitialMap,
     /// How the map is improved.
     pub optimize: OptimizeSettings,
+    /// The longest search for a Gram certificate; none if there shall be no search.
+    pub certify: Option<Duration>,
 }
 
 /// Where the domain comes from.
@@ -81,6 +85,7 @@ impl Plan {
             mesh: mesh::plan(&config.mesh, source.path())?,
             map: map(config)?,
             optimize: optimize(config)?,
+            certify: certify(config)?,
         })
     }
 }
@@ -175,6 +180,20 @@ fn centre(config: &Config) -> Result<CentreChoice, Fault> {
             return Err(Fault::at(&["domain", "centre"], message, "give three finite coordinates"));
         }
     })
+}
+
+fn certify(config: &Config) -> Result<Option<Duration>, Fault> {
+    let table = &config.bounds;
+    let key = ["bounds", "certify_time_limit"];
+    let example = DEFAULT_TIME_LIMIT.as_secs_f64();
+    match table.certify_time_limit {
+        Some(_) if !table.certify => {
+            let message = "`certify_time_limit` limits a search that `certify` does not ask for".to_string();
+            Err(Fault::at(&key, message, "add certify = true, or remove the key"))
+        }
+        Some(seconds) => duration(seconds, example, &key).map(Some),
+        None => Ok(table.certify.then_some(DEFAULT_TIME_LIMIT)),
+    }
 }
 
 pub(super) fn optimize(config: &Config) -> Result<OptimizeSettings, Fault> {

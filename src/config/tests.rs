@@ -33,7 +33,7 @@ fn the_least_config_has_the_documented_defaults() {
     let shell = ShellSettings { subdivisions: 1, refinement: None, layers: 8, grading: 1.0 };
     assert_eq!(plan.mesh, MeshPlan::Shell(shell));
     assert_eq!(plan.map, InitialMap { kind: MapKind::Radial, exponent: Some(1.0) });
-    assert_eq!(plan.optimize, OptimizeSettings::default());
+    assert_eq!((plan.optimize, plan.certify), (OptimizeSettings::default(), None));
 }
 
 #[test]
@@ -41,7 +41,8 @@ fn every_key_arrives() {
     let text = "name = \"fine\"\nseed = 7\nthreads = 2\n[domain]\nsolid = \"star-harmonics\"\namplitude = 0.5\n\
                 degree = 6\nresolution = 16\ncentre = [0, 0.5, 1]\n[mesh]\nkind = \"shell\"\nsubdivisions = 2\ncells = 1000\nlayers = 3\n\
                 grading = 1.5\n[map]\nkind = \"radial\"\nexponent = 2\n[optimize]\nobjective = \"soft-max\"\n\
-                exponent = 16\nengine = \"lbfgs\"\ntolerance = 1e-3\nmax_iterations = 9\ntime_limit = 0.5";
+                exponent = 16\nengine = \"lbfgs\"\ntolerance = 1e-3\nmax_iterations = 9\ntime_limit = 0.5\n\
+                [bounds]\ncertify = true\ncertify_time_limit = 2.5";
     let plan = plan(text, &[]).unwrap();
     assert_eq!((plan.name.as_str(), plan.seed, plan.threads), ("fine", 7, Some(2)));
     let solid = Solid::SmoothStar { amplitude: 0.5, degree: 6, resolution: 16, seed: 7 };
@@ -59,6 +60,7 @@ fn every_key_arrives() {
         cancel: Default::default(),
     };
     assert_eq!(plan.optimize, expected);
+    assert_eq!(plan.certify, Some(std::time::Duration::from_millis(2500)));
 }
 
 #[test]
@@ -220,6 +222,11 @@ fn faults_name_line_key_and_remedy() {
         ),
         (&format!("{cube}[optimize]\nexponent = 4"), &["case.toml:4: the objective \"max\" takes no `exponent`"]),
         (&format!("{cube}[optimize]\nobjective = \"soft-max\""), &["case.toml:4", "needs an `exponent`"]),
+        (&format!("{cube}[bounds]\ncertify_time_limit = 9"), &["case.toml:4", "add certify = true"]),
+        (
+            &format!("{cube}[bounds]\ncertify = true\ncertify_time_limit = 0"),
+            &["case.toml:5: `bounds.certify_time_limit` is 0"],
+        ),
         (&format!("{cube}[optimize]\ntolerance = 0"), &["case.toml:4: `optimize.tolerance` is 0"]),
         (&format!("{cube}[optimize]\nmax_iterations = -1"), &["case.toml:4: `optimize.max_iterations` is -1"]),
         ("seed = -1\n[domain]\nsolid = \"cube\"", &["case.toml:1: `seed` is -1"]),
@@ -287,7 +294,7 @@ fn the_schema_describes_every_key() {
         }
         assert_eq!(table["additionalProperties"], false);
     }
-    assert_eq!(described, 50, "keys in the schema");
+    assert_eq!(described, 53, "keys in the schema");
     let text = schema.to_string();
     for solid in ["\"tetrahedron\"", "\"star-polyhedron\""] {
         assert!(text.contains(solid), "{solid}");

@@ -6,6 +6,7 @@ mod start;
 
 use std::time::Instant;
 
+use crate::bound::certificate::{self, Certificate};
 use crate::bound::{self, LowerBound};
 use crate::config::Plan;
 use crate::domain::Domain;
@@ -39,6 +40,8 @@ pub struct Finished {
     pub measured: Measured,
     /// The tets that attain the largest K.
     pub active: Vec<TetId>,
+    /// The certificate of the bound "gram", if the plan asks for one and one was found.
+    pub certificate: Option<Certificate>,
 }
 
 impl Finished {
@@ -52,6 +55,7 @@ impl Finished {
             measured: &self.measured,
             active: &self.active,
             trace: &self.outcome.trace,
+            certificate: self.certificate.as_ref(),
         }
     }
 }
@@ -84,7 +88,9 @@ fn stages(plan: &Plan, observe: &mut dyn FnMut(&TraceRow)) -> Result<Finished, R
         untangle_and_optimize(&domain, &initial, fixed, &plan.optimize, observe).map_err(RunError::at(&origin))?;
     let measured = measure(&domain, &outcome.positions);
     let active = measured.active(ACTIVE);
-    let bounds = bound::all(&domain, &outcome.positions, centre.map(|c| c.position), centre.is_some());
+    let mut bounds = bound::all(&domain, &outcome.positions, centre.map(|c| c.position), centre.is_some());
+    let certificate = plan.certify.and_then(|limit| certificate::search(&domain, &outcome.positions, limit));
+    bounds.extend(certificate.as_ref().and_then(|found| certificate::bound(found, &domain, &outcome.positions).ok()));
     warnings.extend(locked_warning(&domain, &bounds));
     let bijectivity = bijectivity(&domain, &outcome.positions);
     let report = Report {
@@ -116,7 +122,7 @@ fn stages(plan: &Plan, observe: &mut dyn FnMut(&TraceRow)) -> Result<Finished, R
         config_text: plan.source.text().to_string(),
         times: Times::since(clock, untangled.seconds),
     };
-    Ok(Finished { report, domain, initial, outcome, measured_initial, measured, active })
+    Ok(Finished { report, domain, initial, outcome, measured_initial, measured, active, certificate })
 }
 
 /// Names the tets that a kept mesh locks, and what they force.

@@ -1,7 +1,7 @@
-//! The sparse symmetric positive definite solve of the Newton step: 3x3 blocks on a vertex graph, faer's Cholesky.
+//! The sparse symmetric positive definite solve of the Newton step: square blocks on a vertex graph, faer's Cholesky.
 //!
 //! The only file that knows faer. The fill-reducing order is METIS nested dissection of the *vertex* graph expanded by
-//! three (feral-metis): against faer's own AMD it is 2 times faster at 10,000 vertices and 4 times at 50,000.
+//! the size of the blocks (feral-metis): against faer's own AMD it is 2 times faster at 10,000 vertices and 4 times at 50,000.
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::perm::PermRef;
@@ -22,11 +22,13 @@ pub enum SparseError {
     NotPositiveDefinite,
 }
 
-/// A symmetric matrix of 3x3 blocks with a fixed pattern, factorised again and again with new values.
+/// A symmetric matrix of square blocks, 3x3 if nothing else is said, with a fixed pattern, factorised again and again with
+/// new values.
 ///
-/// The lower triangle is stored by block columns: block column `j` holds `3 * 3 * (blocks in column j)` values, as three
-/// scalar columns of full height each (the diagonal block is stored whole).
+/// The lower triangle is stored by block columns: block column `j` holds `size * size * (blocks in column j)` values, as
+/// `size` scalar columns of full height each (the diagonal block is stored whole).
 pub struct BlockCholesky {
+    size: usize,
     column_starts: Vec<usize>,
     rows: Vec<u32>,
     pattern: SymbolicSparseColMat<usize>,
@@ -38,12 +40,20 @@ pub struct BlockCholesky {
 }
 
 impl BlockCholesky {
-    /// Analyses the pattern given as edges `(row, column)` with `row > column` between `block_count` blocks; the diagonal
-    /// is always there.
+    /// Analyses the pattern given as edges `(row, column)` with `row > column` between `block_count` 3x3 blocks; the
+    /// diagonal is always there.
     ///
     /// # Errors
     /// [`SparseError::TooLarge`].
     pub fn new(block_count: usize, edges: &[(u32, u32)]) -> Result<Self, SparseError> {
+        Self::with_block_size(3, block_count, edges)
+    }
+
+    /// The same with `size` x `size` blocks.
+    ///
+    /// # Errors
+    /// [`SparseError::TooLarge`].
+    pub fn with_block_size(size: usize, block_count: usize, edges: &[(u32, u32)]) -> Result<Self, SparseError> {
         let mut entries: Vec<(u32, u32)> = edges.iter().map(|&(row, column)| (column, row)).collect();
         entries.extend((0..block_count as u32).map(|i| (i, i)));
         entries.sort_unstable();
@@ -57,21 +67,21 @@ impl BlockCholesky {
         }
         let rows: Vec<u32> = entries.iter().map(|&(_, row)| row).collect();
 
-        let mut scalar_starts = Vec::with_capacity(3 * block_count + 1);
-        let mut scalar_rows = Vec::with_capacity(9 * rows.len());
+        let mut scalar_starts = Vec::with_capacity(size * block_count + 1);
+        let mut scalar_rows = Vec::with_capacity(size * size * rows.len());
         scalar_starts.push(0);
         for column in 0..block_count {
-            for _ in 0..3 {
+            for _ in 0..size {
                 for &row in &rows[column_starts[column]..column_starts[column + 1]] {
-                    scalar_rows.extend((0..3).map(|r| 3 * row as usize + r));
+                    scalar_rows.extend((0..size).map(|r| size * row as usize + r));
                 }
                 scalar_starts.push(scalar_rows.len());
             }
         }
-        let n = 3 * block_count;
+        let n = size * block_count;
         let pattern = SymbolicSparseColMat::new_checked(n, n, scalar_starts, None, scalar_rows);
         let order = nested_dissection(block_count, &entries)?;
-        let forward: Vec<usize> = order.iter().flat_map(|&v| (0..3).map(move |r| 3 * v as usize + r)).collect();
+        let forward: Vec<usize> = order.iter().flat_map(|&v| (0..size).map(move |r| size * v as usize + r)).collect();
         let mut inverse = vec![0; n];
         for (new, &old) in forward.iter().enumerate() {
             inverse[old] = new;
@@ -86,17 +96,18 @@ impl BlockCholesky {
         let memory = |requirement| MemBuffer::try_new(requirement).map_err(|_| SparseError::TooLarge);
         let factor_memory = memory(symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Spec::default()))?;
         let solve_memory = memory(symbolic.solve_in_place_scratch::<f64>(1, Par::Seq))?;
-        let values = vec![0.0; 9 * rows.len()];
+        let values = vec![0.0; size * size * rows.len()];
         let factor = vec![0.0; symbolic.len_val()];
-        Ok(Self { column_starts, rows, pattern, symbolic, values, factor, factor_memory, solve_memory })
+        Ok(Self { size, column_starts, rows, pattern, symbolic, values, factor, factor_memory, solve_memory })
     }
 
-    /// Number of 3x3 blocks on the diagonal.
+    /// Number of blocks on the diagonal.
     pub fn block_count(&self) -> usize {
         self.column_starts.len() - 1
     }
 
-    /// Start of each block column in [`BlockCholesky::rows`]; a block column of `m` blocks has `9 m` values.
+    /// Start of each block column in [`BlockCholesky::rows`]; a block column of `m` blocks has
+    /// `size * size * m` values.
     pub fn column_starts(&self) -> &[usize] {
         &self.column_starts
     }
@@ -107,24 +118,25 @@ impl BlockCholesky {
     }
 
     /// The values, to be filled before [`BlockCholesky::factorize`]. Entry `(r, c)` of the `k`-th block of block column
-    /// `j` with `m` blocks is at `9 * column_starts[j] + c * 3 * m + 3 * k + r`.
+    /// `j` with `m` blocks is at `size * size * column_starts[j] + c * size * m + size * k + r`.
     pub fn values_mut(&mut self) -> &mut [f64] {
         &mut self.values
     }
 
     /// The product of the matrix of the present values with a vector.
     pub fn multiply(&self, vector: &[f64]) -> Vec<f64> {
+        let size = self.size;
         let mut product = vec![0.0; vector.len()];
         for column in 0..self.block_count() {
             let (start, end) = (self.column_starts[column], self.column_starts[column + 1]);
             for (k, &row) in self.rows[start..end].iter().enumerate() {
                 let row = row as usize;
-                for (r, c) in (0..9).map(|i| (i % 3, i / 3)) {
-                    let entry = self.values[9 * start + c * 3 * (end - start) + 3 * k + r];
-                    product[3 * row + r] += entry * vector[3 * column + c];
+                for (r, c) in (0..size * size).map(|i| (i % size, i / size)) {
+                    let entry = self.values[size * size * start + c * size * (end - start) + size * k + r];
+                    product[size * row + r] += entry * vector[size * column + c];
                     // Only the lower triangle is stored, but diagonal blocks whole.
                     if row != column {
-                        product[3 * column + c] += entry * vector[3 * row + r];
+                        product[size * column + c] += entry * vector[size * row + r];
                     }
                 }
             }
@@ -134,20 +146,22 @@ impl BlockCholesky {
 
     /// Adds `shift` times the identity to the matrix.
     pub fn shift_diagonal(&mut self, shift: f64) {
+        let size = self.size;
         for column in 0..self.block_count() {
             let (start, end) = (self.column_starts[column], self.column_starts[column + 1]);
-            for c in 0..3 {
-                self.values[9 * start + c * 3 * (end - start) + c] += shift;
+            for c in 0..size {
+                self.values[size * size * start + c * size * (end - start) + c] += shift;
             }
         }
     }
 
     /// The largest entry of the diagonal.
     pub fn largest_diagonal(&self) -> f64 {
-        (0..3 * self.block_count())
+        let size = self.size;
+        (0..size * self.block_count())
             .map(|i| {
-                let (start, end) = (self.column_starts[i / 3], self.column_starts[i / 3 + 1]);
-                self.values[9 * start + (i % 3) * 3 * (end - start) + i % 3]
+                let (start, end) = (self.column_starts[i / size], self.column_starts[i / size + 1]);
+                self.values[size * size * start + (i % size) * size * (end - start) + i % size]
             })
             .fold(0.0, f64::max)
     }

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::figures::boundary_flags;
 use super::{Report, summary};
+use crate::bound::certificate::Certificate;
 use crate::dilatation::Dilatation;
 use crate::domain::Domain;
 use crate::measure::Measured;
@@ -31,10 +32,12 @@ pub struct MapRecord<'a> {
     pub active: &'a [TetId],
     /// One row an iteration.
     pub trace: &'a [TraceRow],
+    /// The certificate of the bound "gram", if one was searched for and found.
+    pub certificate: Option<&'a Certificate>,
 }
 
 /// Writes `report.json`, `summary.txt`, `trace.csv`, `cells.csv`, `domain.vtu` and `image.vtu` into `folder`, made if
-/// missing.
+/// missing, and `certificate.json` if there is a certificate; one of an earlier run is removed.
 ///
 /// The report comes last: where it stands, the rest does.
 ///
@@ -57,6 +60,11 @@ pub fn write_results(folder: &Path, report: &Report, record: &MapRecord) -> Resu
         ];
         write_vtu(&folder.join(name), shown, record.domain.mesh().tets(), &point_data, &data)?;
     }
+    let certificate = folder.join("certificate.json");
+    match record.certificate {
+        Some(found) => write_certificate(&certificate, found)?,
+        None => drop(std::fs::remove_file(&certificate)),
+    }
     write_atomically(&folder.join("summary.txt"), |file| file.write_all(summary(report).as_bytes()))?;
     write_atomically(&folder.join("report.json"), |file| file.write_all(report.to_json().as_bytes()))
 }
@@ -67,6 +75,14 @@ pub fn write_results(folder: &Path, report: &Report, record: &MapRecord) -> Resu
 /// The file and why it could not be written.
 pub fn write_trace(path: &Path, trace: &[TraceRow]) -> Result<(), WriteError> {
     write_csv(path, trace.iter())
+}
+
+/// Writes a certificate as JSON.
+///
+/// # Errors
+/// The file and why it could not be written.
+pub fn write_certificate(path: &Path, certificate: &Certificate) -> Result<(), WriteError> {
+    write_atomically(path, |file| file.write_all(certificate.to_json().as_bytes()))
 }
 
 /// What is known of each cell, column by column.

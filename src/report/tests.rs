@@ -89,6 +89,7 @@ fn write(flip: bool) -> (tempfile::TempDir, Report) {
         measured: &after,
         active: &[TetId(2)],
         trace: &[row(0), row(1)],
+        certificate: None,
     };
     write_results(&folder.path().join("new"), &report, &record).unwrap();
     (folder, report)

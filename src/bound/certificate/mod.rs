@@ -1,0 +1,186 @@
+//! The Gram certificate (bounds.md B6): a bound for the mesh with its boundary fixed that anybody can check.
+//!
+//! **What holds.** Let J be the Jacobian of a piecewise-linear map on a tet and `G = J^T J` its Gram matrix, the entries of
+//! which are quadratic in the vertices' positions. If the tet has K <= k, then with `c = 1 + k^(2/3) + k^(4/3)` and some
+//! tau > 0
+//!
+//! ```text
+//! tau I <= G <= k^(4/3) tau I        tr G <= c tau
+//! ```
+//!
+//! (with tau the square of the least singular value: relative to it, K <= k bounds the squares of the others by k^(4/3) and
+//! their sum by k^(2/3) + k^(4/3)).
+//!
+//! **Certificate.** A number k and for each tet of a sub-complex positive semidefinite S, R and rho >= 0 with
+//! `tr S >= k^(4/3) tr R + c rho`. Let `M = S - R - rho I`. If the quadratic function of the free vertices
+//!
+//! ```text
+//! Q = sum over the tets of <M, G>
+//! ```
+//!
+//! is strictly concave and its maximum is negative, then **K > k on some tet of the sub-complex, whatever the free vertices
+//! do**: where every tet had K <= k, each `<M, G> >= tau (tr S - k^(4/3) tr R - c rho) >= 0`, and Q >= 0. Orientation and
+//! injectivity are not needed.
+//!
+//! **Check** ([`check()`]). From the mesh, the boundary positions and the certificate alone, with all rounding accounted for:
+//! gradients, Gram matrices, M, Q and its gradient by interval arithmetic; concavity by a sparse Cholesky factorization with
+//! an a-priori bound on its error; the maximum by `max Q <= Q(x) + |grad Q(x)|^2 / (4 lambda)` at an approximate maximiser x,
+//! lambda below the least eigenvalue of minus Q's Hessian / 2.
+//!
+//! **Search** ([`search()`]). S, R and rho are the Lagrange multipliers of the problem "the least k for which the free vertices
+//! satisfy the conditions above" once vertices may move in more than three coordinates: with enough of them its local
+//! optima are global, and Q is concave there (Burer and Monteiro). It has the sparsity of the mesh, and a logarithmic barrier and
+//! Newton's method solve it on a star of 100 tets in some hundredths of a second. No conic solver is needed.
+//!
+//! **Limits.** The rank of the lifted problem is relaxed and orientation dropped, so that the best k is below the least K.
+
+mod check;
+mod interval;
+mod multipliers;
+mod path;
+mod relaxed;
+mod search;
+#[cfg(test)]
+mod tests;
+
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+
+pub use search::{search, search_on};
+
+use super::{Kind, LowerBound};
+use crate::domain::Domain;
+use crate::mesh::{Place, TetId, Vec3, VertexId};
+use check::Checker;
+use multipliers::Multipliers;
+
+/// The longest search where nothing else is said.
+pub const DEFAULT_TIME_LIMIT: Duration = Duration::from_secs(60);
+
+/// A certificate; `certificate.json` holds it under these names. Entry i of every list belongs to tet `tets[i]`.
+///
+/// S and R are given by their Cholesky factors, the lower triangle of L row by row, `[L11, L21, L22, L31, L32, L33]`, with
+/// `S = L L^T` in the coordinates of the domain. Tets of the mesh that are not listed have S = R = rho = 0.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Certificate {
+    /// k, at least 1: what is proved is K > k.
+    pub level: f64,
+    /// Tets of the domain, counted from 0, ascending.
+    pub tets: Vec<u32>,
+    /// The factor of S, the multiplier of `tau I <= G`.
+    pub lower: Vec<[f64; 6]>,
+    /// The factor of R, the multiplier of `G <= k^(4/3) tau I`.
+    pub upper: Vec<[f64; 6]>,
+    /// rho >= 0, the multiplier of `tr G <= c tau`.
+    pub trace: Vec<f64>,
+}
+
+impl Certificate {
+    fn new(level: f64, tets: &[TetId], multipliers: &[Multipliers]) -> Self {
+        Self {
+            level,
+            tets: tets.iter().map(|tet| tet.0).collect(),
+            lower: multipliers.iter().map(|m| m.lower).collect(),
+            upper: multipliers.iter().map(|m| m.upper).collect(),
+            trace: multipliers.iter().map(|m| m.trace).collect(),
+        }
+    }
+
+    /// The certificate as it stands in `certificate.json`; every number is read back as the same bits.
+    pub fn to_json(&self) -> String {
+        serde_json::to_string(self).expect("numbers in lists") + "\n"
+    }
+}
+
+/// Why a certificate proves nothing of a mesh with its boundary.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Rejection {
+    /// It is no certificate for this mesh at all.
+    #[error("the certificate does not fit the mesh: {0}")]
+    Malformed(String),
+    /// No vertex of its tets is free.
+    #[error("no tet of the certificate has a vertex inside the mesh")]
+    NothingFree,
+    /// A tet of the domain is so flat that its volume cannot be told from zero.
+    #[error("tet {tet} of the domain is too flat for interval arithmetic")]
+    Degenerate {
+        /// The tet, counted from 0.
+        tet: u32,
+    },
+    /// The sparse factor cannot be held.
+    #[error("the sparse factor does not fit in memory")]
+    TooLarge,
+    /// rho is negative, or S too small.
+    #[error("tet {tet}: tr S is below k^(4/3) tr R + (1 + k^(2/3) + k^(4/3)) rho, or rho is negative")]
+    TraceCondition {
+        /// The tet, counted from 0.
+        tet: u32,
+    },
+    /// Q is not concave, or not by enough to show it.
+    #[error("the quadratic function of the free vertices is not shown to be strictly concave")]
+    NotConcave,
+    /// The maximum of Q is not negative, or not by enough to show it.
+    #[error("the maximum of the quadratic function of the free vertices is not shown to be negative")]
+    NotNegative,
+}
+
+/// Checks a certificate for all maps with these boundary positions; interior entries of `image` are not read. Returns the
+/// k for which K > k is proved.
+///
+/// # Errors
+/// The first condition that could not be verified.
+///
+/// # Panics
+/// If `image` has fewer positions than the domain has vertices.
+pub fn check(certificate: &Certificate, domain: &Domain, image: &[Vec3]) -> Result<f64, Rejection> {
+    let Certificate { level, tets, lower, upper, trace } = certificate;
+    let malformed = |message: String| Err(Rejection::Malformed(message));
+    let (count, in_mesh) = (tets.len(), domain.mesh().tets().len());
+    if [lower.len(), upper.len(), trace.len()] != [count; 3] {
+        return malformed("its lists must have one entry for each of its tets".into());
+    }
+    if let Some(pair) = tets.windows(2).find(|pair| pair[0] >= pair[1]) {
+        return malformed(format!("tet {} must not follow tet {}; tets must ascend", pair[1], pair[0]));
+    }
+    if let Some(&last) = tets.last().filter(|&&last| last as usize >= in_mesh) {
+        return malformed(format!("it names tet {last}, but there are only {in_mesh}, counted from 0"));
+    }
+    if !(*level >= 1.0 && level.is_finite()) {
+        return malformed(format!("its level is {level}, but must be finite and at least 1"));
+    }
+    if !lower.iter().chain(upper).flatten().chain(trace).all(|number| number.is_finite()) {
+        return malformed("a multiplier is not a finite number".into());
+    }
+    let multipliers: Vec<Multipliers> =
+        (0..count).map(|i| Multipliers { lower: lower[i], upper: upper[i], trace: trace[i] }).collect();
+    Checker::new(domain, tets.iter().map(|&tet| TetId(tet)).collect())?.check(*level, &multipliers, image)?;
+    Ok(*level)
+}
+
+/// The bound that a certificate proves: K > k for every piecewise-linear map of this mesh with these boundary positions. Its
+/// place is the boundary vertex with the largest traces of S around it.
+///
+/// # Errors
+/// Why the certificate is rejected.
+///
+/// # Panics
+/// If `image` has fewer positions than the domain has vertices.
+pub fn bound(certificate: &Certificate, domain: &Domain, image: &[Vec3]) -> Result<LowerBound, Rejection> {
+    let value = check(certificate, domain, image)?;
+    let mut weights = vec![0.0; image.len()];
+    for (&tet, factor) in certificate.tets.iter().zip(&certificate.lower) {
+        let trace: f64 = factor.iter().map(|entry| entry * entry).sum();
+        let corners = domain.mesh().tets()[tet as usize];
+        corners.iter().filter(|&&v| domain.boundary().contains(v)).for_each(|v| weights[v.index()] += trace);
+    }
+    let vertices = (0..).map(VertexId).zip(weights);
+    let (centre, _) = vertices.reduce(|a, b| if b.1 > a.1 { b } else { a }).ok_or(Rejection::NothingFree)?;
+    let place = Place::vertex(domain.mesh(), centre);
+    let reason = format!(
+        "any PL map of this mesh with these boundary positions; certificate on {} tets",
+        certificate.tets.len()
+    );
+    Ok(LowerBound::of_mesh("gram", "bounds.md B6", Kind::K, value, place, reason))
+}

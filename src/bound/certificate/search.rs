@@ -1,0 +1,234 @@
+//! The search for a certificate: where to look, and how multipliers become one.
+
+use std::time::{Duration, Instant};
+
+use rayon::prelude::*;
+
+use super::Certificate;
+use super::check::Checker;
+use super::multipliers::Multipliers;
+use super::path::{Path, Stage};
+use super::relaxed::{Barrier, Level};
+use crate::domain::Domain;
+use crate::measure::{Measured, measure};
+use crate::mesh::{TetId, Vec3};
+
+/// Boundary vertices are tried if the largest K at them is at least this fraction of the largest of all.
+const NEAR_LARGEST: f64 = 0.6;
+/// Most boundary vertices that are tried.
+const MOST_VERTICES: usize = 300;
+/// Of those, the ones with the highest levels are tried in earnest.
+const FINALISTS: usize = 6;
+/// No sub-complex of more tets is tried.
+const MOST_TETS: usize = 1500;
+/// A ring is added as long as the last one raised ln k by this.
+const WORTHWHILE: f64 = 1e-3;
+/// Accuracy, in ln k, at which the tets that matter are known.
+const ROUGH: f64 = 0.02;
+/// Accuracy, in ln k, at which the path ends.
+const FINE: f64 = 1e-6;
+/// Difference in ln k between the level of the relaxed problem and a certificate that is good enough.
+const CLOSE: f64 = 2e-4;
+/// Tets whose weight is below such a fraction of the largest are left out, to see what remains.
+const THRESHOLDS: [f64; 4] = [0.0, 1e-4, 1e-3, 1e-2];
+
+/// Searches for a certificate for at most `time_limit`; interior entries of `image` are the map started from.
+///
+/// First the relaxed problem is solved roughly around many boundary vertices, those with the largest K first. Its level is
+/// about the bound that a certificate there can prove, and so the best of these places are then solved finely, on more and
+/// more rings of tets as long as that helps. The result depends on nothing but the arguments unless the time runs out.
+///
+/// `None` if the image has a flipped tet, or nothing was found.
+///
+/// # Panics
+/// If `image` has fewer positions than the domain has vertices.
+pub fn search(domain: &Domain, image: &[Vec3], time_limit: Duration) -> Option<Certificate> {
+    let start = Instant::now();
+    let measured = measure(domain, image);
+    if !measured.summary.max_k.is_finite() {
+        return None;
+    }
+    let mut search = Search { domain, image, measured: &measured, deadline: start + time_limit, best: None };
+    let level_around = |star: Vec<TetId>| {
+        if start.elapsed() > time_limit / 2 {
+            return None;
+        }
+        let tets = with_neighbours(domain, &star);
+        let path = search.rough(tets.clone())?;
+        Some((path.log_level(), tets))
+    };
+    let mut places: Vec<(f64, Vec<TetId>)> =
+        stars(domain, &measured).into_par_iter().filter_map(level_around).collect();
+    places.sort_by(|a, b| b.0.total_cmp(&a.0));
+    for (level, mut tets) in places.into_iter().take(FINALISTS) {
+        if level < search.best_log() {
+            break;
+        }
+        let mut reached = f64::NEG_INFINITY;
+        while tets.len() <= MOST_TETS && Instant::now() < search.deadline {
+            let Some(level) = search.on(tets.clone()) else { break };
+            let larger = with_neighbours(domain, &tets);
+            if level < reached + WORTHWHILE || larger.len() == tets.len() {
+                break;
+            }
+            (reached, tets) = (level, larger);
+        }
+    }
+    search.best
+}
+
+/// The same on one sub-complex only.
+///
+/// # Panics
+/// If `image` has fewer positions than the domain has vertices.
+pub fn search_on(domain: &Domain, image: &[Vec3], tets: Vec<TetId>, time_limit: Duration) -> Option<Certificate> {
+    let deadline = Instant::now() + time_limit;
+    let mut search = Search { domain, image, measured: &measure(domain, image), deadline, best: None };
+    search.on(tets)?;
+    search.best
+}
+
+struct Search<'a> {
+    domain: &'a Domain,
+    image: &'a [Vec3],
+    measured: &'a Measured,
+    deadline: Instant,
+    best: Option<Certificate>,
+}
+
+impl<'a> Search<'a> {
+    /// Solves the relaxed problem roughly, then finely on the tets that carry weight; the least level of the relaxed problem,
+    /// above which no certificate on these tets can be.
+    fn on(&mut self, tets: Vec<TetId>) -> Option<f64> {
+        let mut path = self.rough(tets)?;
+        let level = path.log_level();
+        for threshold in [1e-2, 1e-3, 1e-4] {
+            let (kept, _) = heavy(path.barriers(), threshold);
+            let kept: Vec<TetId> = kept.into_iter().map(|index| path.tets()[index]).collect();
+            if let Some(mut fine) = self.path(kept) {
+                self.follow_to_the_end(&mut fine);
+            }
+        }
+        if self.best_log() < level - 0.01 {
+            self.follow_to_the_end(&mut path);
+        }
+        Some(level)
+    }
+
+    /// The relaxed problem solved roughly.
+    fn rough(&self, tets: Vec<TetId>) -> Option<Path<'a>> {
+        let mut path = self.path(tets)?;
+        while path.stage(self.deadline) != Stage::Stuck && path.accuracy() > ROUGH {
+            path.raise_weight();
+        }
+        Some(path)
+    }
+
+    fn path(&self, tets: Vec<TetId>) -> Option<Path<'a>> {
+        let largest = tets.iter().map(|tet| self.measured.dilatations[tet.index()].k()).fold(1.0, f64::max);
+        Path::new(self.domain, tets, self.image, largest)
+    }
+
+    fn best_log(&self) -> f64 {
+        self.best.as_ref().map_or(0.0, |best| best.level.ln())
+    }
+
+    /// Follows a path and tries for a certificate at every stage.
+    fn follow_to_the_end(&mut self, path: &mut Path<'_>) {
+        loop {
+            let stage = path.stage(self.deadline);
+            if path.accuracy() < 2.0 * ROUGH {
+                self.certify(path);
+            }
+            if stage == Stage::Stuck || path.accuracy() < FINE || path.log_level() < self.best_log() + CLOSE {
+                return;
+            }
+            path.raise_weight();
+        }
+    }
+
+    /// Turns the multipliers at a point of the path into the best certificate they give.
+    fn certify(&mut self, path: &Path<'_>) {
+        /// Halvings of the interval between what is proved and the level of the path.
+        const BISECTIONS: usize = 12;
+        let mut last = usize::MAX;
+        for threshold in THRESHOLDS {
+            let (kept, largest) = heavy(path.barriers(), threshold);
+            if kept.len() == last {
+                continue;
+            }
+            last = kept.len();
+            let tets: Vec<TetId> = kept.iter().map(|&index| path.tets()[index]).collect();
+            let Ok(mut checker) = Checker::new(self.domain, tets.clone()) else { continue };
+            let (mut proved, mut open) = (self.best_log(), path.log_level());
+            // What raises the best by nothing is found out by one check.
+            let mut trial = (proved + 0.1 * CLOSE).max(open - 0.2);
+            let mut raised = false;
+            for _ in 0..BISECTIONS {
+                if !(proved < trial && trial < open) {
+                    break;
+                }
+                let (log, level) = (Level::new(trial), trial.exp());
+                let multipliers: Vec<Multipliers> =
+                    kept.iter().map(|&index| Multipliers::of(&path.barriers()[index], log, largest.recip())).collect();
+                if checker.check(level, &multipliers, self.image).is_ok() {
+                    (proved, raised) = (trial, true);
+                    self.best = Some(Certificate::new(level, &tets, &multipliers));
+                } else {
+                    open = trial;
+                    if !raised {
+                        break;
+                    }
+                }
+                trial = 0.5 * (proved + open);
+            }
+        }
+    }
+}
+
+/// The tets whose weight is at least this fraction of the largest, and the largest.
+fn heavy(barriers: &[Barrier], threshold: f64) -> (Vec<usize>, f64) {
+    let weights: Vec<f64> = barriers.iter().map(Barrier::weight).collect();
+    let largest = weights.iter().copied().fold(0.0, f64::max);
+    ((0..weights.len()).filter(|&index| weights[index] >= threshold * largest).collect(), largest)
+}
+
+/// The tets at each boundary vertex near which K is among the largest, ascending; largest K first, without those whose
+/// worst tet an earlier one has.
+fn stars(domain: &Domain, measured: &Measured) -> Vec<Vec<TetId>> {
+    let k = |tet: TetId| measured.dilatations[tet.index()].k();
+    let mut stars: Vec<Vec<TetId>> = vec![Vec::new(); domain.mesh().points().len()];
+    for (tet, corners) in (0..).map(TetId).zip(domain.mesh().tets()) {
+        corners.iter().filter(|&&v| domain.boundary().contains(v)).for_each(|v| stars[v.index()].push(tet));
+    }
+    let worst = |star: &[TetId]| star.iter().copied().reduce(|a, b| if k(b) > k(a) { b } else { a });
+    let mut ranked: Vec<(TetId, Vec<TetId>)> =
+        stars.into_iter().filter_map(|star| Some((worst(&star)?, star))).collect();
+    ranked.sort_by(|a, b| k(b.0).total_cmp(&k(a.0)));
+    let mut taken = vec![false; measured.dilatations.len()];
+    ranked.retain(|(tet, star)| {
+        let wanted = !taken[tet.index()] && k(*tet) >= NEAR_LARGEST * measured.summary.max_k;
+        if wanted {
+            star.iter().for_each(|tet| taken[tet.index()] = true);
+        }
+        wanted
+    });
+    ranked.into_iter().take(MOST_VERTICES).map(|(_, star)| star).collect()
+}
+
+/// These tets and all that share a free vertex with one of them, ascending.
+fn with_neighbours(domain: &Domain, tets: &[TetId]) -> Vec<TetId> {
+    let all = domain.mesh().tets();
+    let mut near = vec![false; domain.mesh().points().len()];
+    for tet in tets {
+        all[tet.index()].iter().for_each(|v| near[v.index()] = !domain.boundary().contains(*v));
+    }
+    let mut taken = vec![false; all.len()];
+    tets.iter().for_each(|tet| taken[tet.index()] = true);
+    (0..)
+        .map(TetId)
+        .zip(all)
+        .filter(|(tet, corners)| taken[tet.index()] || corners.iter().any(|v| near[v.index()]))
+        .map(|(tet, _)| tet)
+        .collect()
+}
