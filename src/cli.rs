@@ -1,6 +1,7 @@
 //! The command line: arguments in, exit code out. Numbers go to standard output, everything else to standard error.
 
 mod bench;
+mod map;
 mod measure;
 mod optimize;
 mod output;
@@ -38,6 +39,8 @@ enum Command {
     Bounds(measure::MapArguments),
     /// Lower the dilatation of a map given by two meshes: any start, any fixed vertices, any target.
     Optimize(optimize::OptimizeArguments),
+    /// Apply a map with a formula (affine, folding, cone, power, zorich, caraman ...) to the vertices of a mesh.
+    Map(map::MapArguments),
     /// Optimize every mesh of a folder and write a table of the results, beside those of other programs.
     Bench(bench::BenchArguments),
     /// Print the JSON schema of config files, which describes every key.
@@ -95,6 +98,8 @@ pub(crate) enum Failure {
     Read(#[from] ReadError),
     #[error(transparent)]
     Write(#[from] WriteError),
+    #[error(transparent)]
+    Map(#[from] map::MapFailure),
     #[error("{} is read and would be written over; name another file for the result", path.display())]
     OverInput { path: PathBuf },
     /// Standard output is closed or full; the reader of a closed pipe wants no more.
@@ -111,6 +116,7 @@ pub fn main() -> ExitCode {
         Command::Measure(arguments) => measure::measure_map(&arguments),
         Command::Bounds(arguments) => measure::bound_map(&arguments),
         Command::Optimize(arguments) => optimize::optimize(&arguments),
+        Command::Map(arguments) => map::map(&arguments),
         Command::Bench(arguments) => bench::bench(&arguments),
         Command::Schema => print(&(schema() + "\n")),
         Command::Completions { shell } => completions(shell),
