@@ -34,7 +34,7 @@ enum Command {
     /// Map a solid onto the unit ball as a config file says; results go to results/NAME.
     Run(RunArguments),
     /// Measure the exact dilatations of the map between two meshes with the same connectivity.
-    Measure(measure::MapArguments),
+    Measure(measure::MeasureArguments),
     /// Print proved lower bounds for the dilatation of the map between two meshes with the same connectivity.
     Bounds(measure::MapArguments),
     /// Lower the dilatation of a map given by two meshes: any start, any fixed vertices, any target.

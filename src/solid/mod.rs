@@ -5,6 +5,7 @@ mod external;
 mod fan;
 mod generate;
 mod inside;
+mod invariants;
 mod kernel;
 #[cfg(feature = "nlopt")]
 mod optimal_centre;
@@ -24,6 +25,7 @@ pub use external::{ExternalError, ExternalMesher, ExternalSettings, Sizing, exte
 pub use fan::FanError;
 pub use generate::{Solid, SolidError};
 pub use inside::{InsideTest, Side};
+pub use invariants::{Curvature, Invariants};
 pub use kernel::{KernelError, StarKernel};
 pub use radial::{best_radial_exponent, radial_max_dilatation};
 pub use shell::{MOST_TETS, Refinement, ShellError, ShellMesh, ShellSettings, shell_mesh};
