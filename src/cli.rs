@@ -14,7 +14,8 @@ use clap::{Args, CommandFactory, Parser, Subcommand};
 use clap_complete::Shell;
 
 use crate::bench::BenchError;
-use crate::config::{ConfigError, Plan, schema};
+use crate::comparison::{self, ComparisonError};
+use crate::config::{AnalyticPlan, ConfigError, Plan, schema};
 use crate::experiment::{self, RunError};
 use crate::mesh::io::{ReadError, WriteError, check_folder_is_writable};
 use crate::report::{summary, time_line, write_results};
@@ -99,6 +100,10 @@ pub(crate) enum Failure {
     #[error(transparent)]
     Write(#[from] WriteError),
     #[error(transparent)]
+    Comparison(#[from] ComparisonError),
+    #[error("{} compares maps of known dilatation; of the options only --out, --threads and --quiet go with it", path.display())]
+    NoSuchOption { path: PathBuf },
+    #[error(transparent)]
     Map(#[from] map::MapFailure),
     #[error("{} is read and would be written over; name another file for the result", path.display())]
     OverInput { path: PathBuf },
@@ -139,7 +144,22 @@ fn completions(shell: Shell) -> Result<Ending, Failure> {
     print(&String::from_utf8_lossy(&script))
 }
 
+/// `qcball run` of a config with the table `[analytic]`.
+fn run_comparison(arguments: &RunArguments, plan: &AnalyticPlan) -> Result<Ending, Failure> {
+    if !arguments.set.is_empty() || arguments.keep_mesh || arguments.json {
+        return Err(Failure::NoSuchOption { path: arguments.config.clone() });
+    }
+    let folder = arguments.out.clone().unwrap_or_else(|| PathBuf::from("results").join(&plan.name));
+    check_folder_is_writable(&folder)?;
+    let rows = experiment::on_threads(usize::from(arguments.threads.unwrap_or(0)), || comparison::compare(plan))??;
+    comparison::write_tables(&folder, plan, &rows)?;
+    if arguments.quiet { Ok(Ending::Done) } else { print(&comparison::table(plan, &rows)) }
+}
+
 fn run(arguments: &RunArguments) -> Result<Ending, Failure> {
+    if let Some(plan) = AnalyticPlan::read(&arguments.config)? {
+        return run_comparison(arguments, &plan);
+    }
     let mut overrides = arguments.set.clone();
     if arguments.keep_mesh {
         overrides.push("domain.keep_mesh=true".into());

@@ -234,6 +234,7 @@
 //! | [`mod@optimize`] | continuation, Newton, L-BFGS, barrier, untangling |
 //! | [`bound`] | lower bounds, a theorem a file |
 //! | [`config`] | the config as typed and the plan it means |
+//! | [`comparison`] | maps of known dilatation on several meshes: published, estimated and exact values |
 //! | [`report`] | the record of a run, its files and its summary |
 //! | [`experiment`] | one run from plan to report; the optimisation of a given map |
 //! | [`mod@bench`] | a folder of meshes optimised one by one, beside the figures of other programs |
@@ -265,6 +266,8 @@ pub mod optimize;
 pub mod bound;
 
 pub mod config;
+
+pub mod comparison;
 
 pub mod report;
 

@@ -3,6 +3,7 @@
 //! Every table is flat and every key optional in [`Config`], so that each message can name a key and a line; what the
 //! keys mean together is decided once, in [`Plan`].
 
+mod analytic;
 mod bench;
 mod error;
 mod limits;
@@ -11,6 +12,7 @@ mod plan;
 mod solid;
 mod source;
 
+pub use analytic::{AnalyticMeshPlan, AnalyticPlan, CellsPlan};
 pub use bench::{BenchPlan, optimize_settings};
 pub use error::ConfigError;
 pub use mesh::MeshPlan;

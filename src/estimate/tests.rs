@@ -111,7 +111,7 @@ fn gradients_are_the_papers_formulas() {
         let corner = |i: usize| domain[cell[i].index()];
         let mut sum = Mat3::zeros();
         for axis in 0..3 {
-            let (next, last) = (1 << (axis + 1) % 3, 1 << (axis + 2) % 3);
+            let (next, last) = (1 << ((axis + 1) % 3), 1 << ((axis + 2) % 3));
             let area = (corner(next) - corner(0)).cross(&(corner(last) - corner(0)));
             for upper in [0, 1] {
                 // The face on one side of the axis takes the values of the other.

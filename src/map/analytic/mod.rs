@@ -107,6 +107,19 @@ trait ClosedForm {
     }
 }
 
+impl std::fmt::Display for AnalyticMap {
+    /// The kind and the parameters that are single numbers.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Folding(Folding { ratio }) => write!(f, "folding, ratio {ratio}"),
+            Self::Cone(Cone { ratio, .. }) => write!(f, "cone, ratio {ratio}"),
+            Self::Power(Power { exponent }) => write!(f, "power, exponent {exponent}"),
+            Self::Zorich(Zorich { half_side }) => write!(f, "zorich, half side {half_side}"),
+            _ => f.write_str(self.form().name()),
+        }
+    }
+}
+
 impl AnalyticMap {
     /// The map with the given name and parameters `key=value`; a value is written as in TOML (`[1, 0, 0]`).
     ///

@@ -12,7 +12,7 @@ use crate::mesh::{Mat3, Vec3};
 ///
 /// With t, c of [`Zorich1`] and m of [`Zorich2`] at s = max(|x|, |y|) / l, the Jacobian is a similarity times the block
 /// c [[pi/2, -t pi/2], [0, m]] and a 1. The block's singular values p >= q have p q = c^2 m pi / 2 and
-/// p^2 + q^2 = pi^2 / 4 + c^2 m^2. K_I and K_O are largest at the edges of the cylinder, t = 1 and m = 1: K_I = 7.3615,
+/// p^2 + q^2 = pi^2 / 4 + c^2 m^2. K_I and K_O are largest at the edges of the cylinder, t = 1 and m = 1: K_I = 7.3627,
 /// K_O = 5.7826. (That this is the maximum over all c in [1/sqrt 2, 1], m in [1, pi/2] is checked on a grid, not proved.)
 /// A ball of radius l at the origin stays at s <= 1/sqrt 2 where t = 1, and has sup K = 5.07.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
