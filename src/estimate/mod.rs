@@ -1,6 +1,6 @@
 //! The paper's numerical dilatation of a vertex map between meshes of tets or of hexahedra (paper §3.1-3.4).
 //!
-//! [`crate::measure`] says what the piecewise-linear map has, exactly; these say what the smooth map behind it may have, by
+//! [`mod@crate::measure`] says what the piecewise-linear map has, exactly; these say what the smooth map behind it may have, by
 //! averages over the cells at a vertex. They are neither upper nor lower bounds of it.
 
 mod cells;
@@ -14,7 +14,6 @@ pub use weights::{Weights, measure};
 
 use clap::ValueEnum;
 use rayon::prelude::*;
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::dilatation::Dilatation;
@@ -22,7 +21,7 @@ use crate::linalg::svd;
 use crate::mesh::{Mat3, Vec3};
 
 /// How the largest and the least stretch and the Jacobian determinant are estimated.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ValueEnum, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Estimator {
     /// The paper's default: stretches from the gradient by random directions, the Jacobian from the volume ratio.

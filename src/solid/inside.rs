@@ -208,8 +208,8 @@ mod tests {
             let (low, high) = surface.bounding_box();
             let mut judged = 0;
             for target in surface.points().iter().copied().chain(middles) {
-                for step in 1..8 {
-                    let z = low.z - 0.1 + (high.z - low.z + 0.2) * (f64::from(step) / 8.0 + 1e-3);
+                for step in 1..5 {
+                    let z = low.z - 0.1 + (high.z - low.z + 0.2) * (f64::from(step) / 5.0 + 1e-3);
                     let point = Vec3::new(target.x, target.y, z);
                     // In rounding's reach of the surface the winding number says nothing: there its neighbours differ.
                     let near = |i: i32| point + 1e-9 * f64::from(i / 3 * 2 - 1) * Vec3::ith((i % 3) as usize, 1.0);
@@ -221,7 +221,7 @@ mod tests {
                     }
                 }
             }
-            assert!(judged > 3 * surface.points().len(), "{judged}");
+            assert!(judged > surface.points().len(), "{judged}");
         }
     }
 
