@@ -2,6 +2,7 @@
 
 mod bench;
 mod interrupt;
+mod map;
 mod measure;
 mod optimize;
 mod output;
@@ -16,7 +17,8 @@ use clap::{Args, CommandFactory, Parser, Subcommand};
 use clap_complete::Shell;
 
 use crate::bench::BenchError;
-use crate::config::{ConfigError, Plan, schema};
+use crate::comparison::{self, ComparisonError};
+use crate::config::{AnalyticPlan, ConfigError, Plan, schema};
 use crate::experiment::{self, RunError};
 use crate::mesh::io::{ReadError, WriteError, check_folder_is_writable};
 use crate::optimize::StopReason;
@@ -38,7 +40,7 @@ enum Command {
     /// Map a solid onto the unit ball as a config file says; results go to results/NAME.
     Run(RunArguments),
     /// Measure the exact dilatations of the map between two meshes with the same connectivity.
-    Measure(measure::MapArguments),
+    Measure(measure::MeasureArguments),
     /// Print proved lower bounds for the dilatation of the map between two meshes with the same connectivity.
     Bounds(measure::BoundArguments),
     /// Lower the dilatation of a map given by two meshes: any start, any fixed vertices, any target.
@@ -47,6 +49,8 @@ enum Command {
     Sweep(sweep::SweepArguments),
     /// Check a results folder from its files alone: connectivity, orientation, dilatations, bounds, gap.
     Verify(verify::VerifyArguments),
+    /// Apply a map with a formula (affine, folding, cone, power, zorich, caraman ...) to the vertices of a mesh.
+    Map(map::MapArguments),
     /// Optimize every mesh of a folder and write a table of the results, beside those of other programs.
     Bench(bench::BenchArguments),
     /// Print the JSON schema of config files, which describes every key.
@@ -108,6 +112,12 @@ pub(crate) enum Failure {
     Read(#[from] ReadError),
     #[error(transparent)]
     Write(#[from] WriteError),
+    #[error(transparent)]
+    Comparison(#[from] ComparisonError),
+    #[error("{} compares maps of known dilatation; of the options only --out, --threads and --quiet go with it", path.display())]
+    NoSuchOption { path: PathBuf },
+    #[error(transparent)]
+    Map(#[from] map::MapFailure),
     #[error("{} is read and would be written over; name another file for the result", path.display())]
     OverInput { path: PathBuf },
     /// Standard output is closed or full; the reader of a closed pipe wants no more.
@@ -127,6 +137,7 @@ pub fn main() -> ExitCode {
         Command::Optimize(arguments) => optimize::optimize(&arguments),
         Command::Sweep(arguments) => sweep::sweep(&arguments),
         Command::Verify(arguments) => verify::verify_folder(&arguments),
+        Command::Map(arguments) => map::map(&arguments),
         Command::Bench(arguments) => bench::bench(&arguments),
         Command::Schema => print(&(schema() + "\n")),
         Command::Completions { shell } => completions(shell),
@@ -150,7 +161,22 @@ fn completions(shell: Shell) -> Result<Ending, Failure> {
     print(&String::from_utf8_lossy(&script))
 }
 
+/// `qcball run` of a config with the table `[analytic]`.
+fn run_comparison(arguments: &RunArguments, plan: &AnalyticPlan) -> Result<Ending, Failure> {
+    if !arguments.set.is_empty() || arguments.keep_mesh || arguments.json {
+        return Err(Failure::NoSuchOption { path: arguments.config.clone() });
+    }
+    let folder = arguments.out.clone().unwrap_or_else(|| PathBuf::from("results").join(&plan.name));
+    check_folder_is_writable(&folder)?;
+    let rows = experiment::on_threads(usize::from(arguments.threads.unwrap_or(0)), || comparison::compare(plan))??;
+    comparison::write_tables(&folder, plan, &rows)?;
+    if arguments.quiet { Ok(Ending::Done) } else { print(&comparison::table(plan, &rows)) }
+}
+
 fn run(arguments: &RunArguments) -> Result<Ending, Failure> {
+    if let Some(plan) = AnalyticPlan::read(&arguments.config)? {
+        return run_comparison(arguments, &plan);
+    }
     let mut overrides = arguments.set.clone();
     if arguments.keep_mesh {
         overrides.push("domain.keep_mesh=true".into());

@@ -31,6 +31,15 @@ impl Dilatation {
         Self { inner: (s1 / s3) * (s2 / s3), outer: (s1 / s2) * (s1 / s3) }
     }
 
+    /// The dilatations of a linear map with the given singular values, in any order and of any sign: those of |det|, so
+    /// that a map that reverses orientation counts like its mirror image. Infinite if one of them is 0.
+    pub fn of_stretches(stretches: [f64; 3]) -> Self {
+        let mut stretches = stretches.map(f64::abs);
+        stretches.sort_unstable_by(|a, b| b.total_cmp(a));
+        let [s1, s2, s3] = stretches;
+        if s3 == 0.0 { Self::FLIPPED } else { Self { inner: (s1 / s3) * (s2 / s3), outer: (s1 / s2) * (s1 / s3) } }
+    }
+
     /// K = max(K_I, K_O).
     pub fn k(self) -> f64 {
         self.inner.max(self.outer)

@@ -227,15 +227,17 @@
 //! |---|---|
 //! | [`linalg`] | the signed 3x3 singular value decomposition; the sparse positive definite solve |
 //! | [`dilatation`] | K_I, K_O and K of one Jacobian |
-//! | [`mesh`] | ids, tet meshes and soups, topology, sharp features, full boundary; `io`: a format a file |
-//! | [`solid`] | built-in solids, closed surfaces, star kernel and centre, the shell mesher |
+//! | [`mesh`] | ids, tet meshes, boxes and soups, topology, sharp features, full boundary; `io`: a format a file |
+//! | [`solid`] | built-in solids, closed surfaces and their invariants, star kernel and centre, the shell mesher, voxels |
 //! | [`domain`] | a mesh that is a ball, with reference gradients and volumes |
-//! | [`map`] | the radial map; whether a map is bijective |
+//! | [`map`] | the radial map; whether a map is bijective; `analytic`: maps in closed form |
 //! | [`mod@measure`] | dilatations of all tets, their quantiles, the active tets, the bottleneck |
+//! | [`estimate`] | the paper's estimates of K at vertices and cells, of tets and hexahedra |
 //! | [`objective`] | energies of one tet and their sum with gradient and Hessian |
 //! | [`mod@optimize`] | continuation, Newton, L-BFGS, minimax, untangling |
 //! | [`bound`] | lower bounds, a theorem a file |
 //! | [`config`] | the config as typed and the plan it means |
+//! | [`comparison`] | maps of known dilatation on several meshes: published, estimated and exact values |
 //! | [`report`] | the record of a run, its files and its summary |
 //! | [`experiment`] | one run from plan to report; the optimisation of a given map |
 //! | [`mod@verify`] | a results folder checked against itself, from its files alone |
@@ -260,6 +262,8 @@ pub mod map;
 
 pub mod measure;
 
+pub mod estimate;
+
 pub mod objective;
 
 pub mod optimize;
@@ -267,6 +271,8 @@ pub mod optimize;
 pub mod bound;
 
 pub mod config;
+
+pub mod comparison;
 
 pub mod report;
 

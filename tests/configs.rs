@@ -12,11 +12,20 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// The configs of runs; bench.toml has no domain, and tests/bench_command.rs reads it, as tests/sweep.rs does sweep.toml.
+/// The configs of runs; bench.toml has no domain, and tests/bench_command.rs reads it, as tests/sweep.rs does sweep.toml
+/// and tests/comparison.rs those with the table `[analytic]`.
 fn configs() -> Vec<PathBuf> {
     let entries = fs::read_dir(root().join("configs")).unwrap().map(|entry| entry.unwrap().path());
+    let is_analytic = |path: &PathBuf| {
+        fs::read_to_string(path).unwrap().contains(
+            "
+[analytic]
+",
+        )
+    };
     let is_run = |path: &PathBuf| {
-        path.extension().is_some_and(|e| e == "toml") && !path.ends_with("bench.toml") && !path.ends_with("sweep.toml")
+        let is_toml = path.extension().is_some_and(|e| e == "toml");
+        is_toml && !path.ends_with("bench.toml") && !path.ends_with("sweep.toml") && !is_analytic(path)
     };
     let mut configs: Vec<PathBuf> = entries.filter(is_run).collect();
     configs.sort();

@@ -11,9 +11,23 @@ use super::output::{note, print};
 use super::{Ending, Failure};
 use crate::bound::certificate::{self, DEFAULT_TIME_LIMIT};
 use crate::bound::{self, LowerBound};
+use crate::estimate::{self, Estimate, EstimateSummary, Estimator, Weights};
 use crate::experiment::GivenMap;
 use crate::measure::{Summary, measure};
 use crate::report::{BestBound, Limit, bounds_table, dilatations, to_json, write_certificate};
+
+/// The map, and whether to estimate as well.
+#[derive(Debug, Args)]
+pub(crate) struct MeasureArguments {
+    #[command(flatten)]
+    map: MapArguments,
+    /// Also estimate K at the vertices and on the tets, as the paper does: no bound in either direction, unlike the exact K.
+    #[arg(long, value_name = "NAME", value_enum)]
+    estimator: Option<Estimator>,
+    /// How much each tet at a vertex counts in the estimate.
+    #[arg(long, value_name = "NAME", value_enum, default_value = "solid-angle", requires = "estimator")]
+    weights: Weights,
+}
 
 /// The two files of a map.
 #[derive(Debug, Args)]
@@ -61,17 +75,47 @@ struct Figures<'a> {
     tets: usize,
     vertices: usize,
     locked: usize,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    estimated: Option<Estimated>,
+}
+
+/// The estimates, if they were asked for.
+#[derive(Serialize)]
+struct Estimated {
+    estimator: Estimator,
+    weights: Weights,
+    vertices: EstimateSummary,
+    cells: EstimateSummary,
+}
+
+impl Estimated {
+    fn of(map: &GivenMap, estimator: Estimator, weights: Weights) -> Self {
+        let mesh = map.domain.mesh();
+        let at_vertices = estimate::at_vertices(mesh.into(), mesh.points(), &map.image, estimator, weights);
+        let at_vertices: Vec<Estimate> = at_vertices.into_iter().map(|(_, estimate)| estimate).collect();
+        let on_cells = estimate::on_cells(mesh.into(), mesh.points(), &map.image, estimator);
+        Self { estimator, weights, vertices: EstimateSummary::of(&at_vertices), cells: EstimateSummary::of(&on_cells) }
+    }
+
+    fn lines(&self) -> String {
+        let line = |place: &str, summary: EstimateSummary| {
+            format!("estimate {place:<9} max K {:<12.6} mean K {:.6}\n", summary.max_k, summary.mean_k)
+        };
+        line("vertices", self.vertices) + &line("tets", self.cells)
+    }
 }
 
 /// `qcball measure`.
-pub(super) fn measure_map(arguments: &MapArguments) -> Result<Ending, Failure> {
-    let GivenMap { domain, image, .. } = read_map(&arguments.rest, &arguments.image)?;
+pub(super) fn measure_map(arguments: &MeasureArguments) -> Result<Ending, Failure> {
+    let map = read_map(&arguments.map.rest, &arguments.map.image)?;
+    let estimated = arguments.estimator.map(|estimator| Estimated::of(&map, estimator, arguments.weights));
+    let GivenMap { domain, image, .. } = map;
     let measured = measure(&domain, &image);
     let summary = &measured.summary;
     let (tets, vertices) = (domain.mesh().tets().len(), domain.mesh().points().len());
     let locked = domain.locked_tets().count();
-    if arguments.json {
-        return print(&to_json(&Figures { summary, tets, vertices, locked }));
+    if arguments.map.json {
+        return print(&to_json(&Figures { summary, tets, vertices, locked, estimated }));
     }
     let mirrored = if summary.flipped == tets {
         "Every tet is flipped: the image is a mirror image. Negate one coordinate of it and measure again.\n"
@@ -79,8 +123,9 @@ pub(super) fn measure_map(arguments: &MapArguments) -> Result<Ending, Failure> {
         ""
     };
     print(&format!(
-        "{tets} tets ({locked} locked), {vertices} vertices\n{}{mirrored}",
-        dilatations(&[("map", summary)])
+        "{tets} tets ({locked} locked), {vertices} vertices\n{}{mirrored}{}",
+        dilatations(&[("map", summary)]),
+        estimated.map_or_else(String::new, |estimated| estimated.lines())
     ))
 }
 

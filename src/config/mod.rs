@@ -3,6 +3,7 @@
 //! Every table is flat and every key optional in [`Config`], so that each message can name a key and a line; what the
 //! keys mean together is decided once, in [`Plan`].
 
+mod analytic;
 mod bench;
 mod error;
 mod limits;
@@ -12,6 +13,7 @@ mod solid;
 mod source;
 mod sweep;
 
+pub use analytic::{AnalyticMeshPlan, AnalyticPlan, CellsPlan};
 pub use bench::{BenchPlan, optimize_settings};
 pub use error::ConfigError;
 pub use mesh::MeshPlan;

@@ -90,7 +90,7 @@ impl Plan {
     }
 }
 
-fn name(config_path: &Path, config: &Config) -> Result<String, Fault> {
+pub(super) fn name(config_path: &Path, config: &Config) -> Result<String, Fault> {
     let stem = || config_path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
     let name = config.name.clone().unwrap_or_else(stem);
     // The name becomes a folder below results/, and must not lead out of it.

@@ -148,8 +148,7 @@ impl BlockConjugateGradients {
             let (start, end) = (self.column_starts[column], self.column_starts[column + 1]);
             let height = 3 * (end - start);
             for k in start..end {
-                self.blocks[k] =
-                    Mat3::from_fn(|r, c| self.values[9 * start + c * height + 3 * (k - start) + r]);
+                self.blocks[k] = Mat3::from_fn(|r, c| self.values[9 * start + c * height + 3 * (k - start) + r]);
             }
         }
     }
@@ -249,7 +248,9 @@ impl BlockConjugateGradients {
                 *d = p + *d * share;
             }
             if iteration + 1 == ITERATIONS || square <= REDUCTION * REDUCTION * first {
-                if std::env::var("PCG_DEBUG").is_ok() { eprintln!("pcg {} {:.1e}", iteration + 1, (square / first).sqrt()); }
+                if std::env::var("PCG_DEBUG").is_ok() {
+                    eprintln!("pcg {} {:.1e}", iteration + 1, (square / first).sqrt());
+                }
             }
         }
         for (entries, v) in right_hand_side.chunks_exact_mut(3).zip(&solution) {

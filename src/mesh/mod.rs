@@ -1,4 +1,4 @@
-//! Tetrahedral meshes, the polygon soups that surface files hold, their topology and their files.
+//! Tetrahedral meshes, meshes of boxes, the polygon soups that surface files hold, their topology and their files.
 
 pub mod angle;
 mod boundary;
@@ -12,6 +12,7 @@ mod place;
 mod quality;
 mod tet_mesh;
 mod view;
+mod voxel_mesh;
 
 pub(crate) use boundary::DisjointSets;
 pub use boundary::{Boundary, TopologyError};
@@ -22,6 +23,7 @@ pub use place::Place;
 pub use quality::smallest_dihedral_angle;
 pub use tet_mesh::{MeshError, Orientation, TetMesh, orientation};
 pub(crate) use view::View;
+pub use voxel_mesh::{VoxelMesh, VoxelMeshError};
 
 use serde::Serialize;
 

@@ -4,6 +4,8 @@ mod centre;
 mod external;
 mod fan;
 mod generate;
+mod inside;
+mod invariants;
 mod kernel;
 #[cfg(feature = "nlopt")]
 mod optimal_centre;
@@ -16,12 +18,16 @@ mod smooth;
 mod sphere;
 mod star;
 mod surface;
+mod voxelize;
 
 pub use centre::{CentreChoice, CentreError, StarCentre, star_centre};
 pub use external::{ExternalError, ExternalMesher, ExternalSettings, Sizing, external_mesh};
 pub use fan::FanError;
 pub use generate::{Solid, SolidError};
+pub use inside::{InsideTest, Side};
+pub use invariants::{Curvature, Invariants};
 pub use kernel::{KernelError, StarKernel};
 pub use radial::{best_radial_exponent, radial_max_dilatation};
 pub use shell::{MOST_TETS, Refinement, ShellError, ShellMesh, ShellSettings, shell_mesh};
 pub use surface::{Surface, SurfaceEdge, SurfaceError};
+pub use voxelize::{Grid, VoxelizeError, Voxels, voxelize};

@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 use super::Findings;
 use super::files::Files;
 use super::rounding::{Enclosure, enclosed_dilatations};
+use crate::bound::certificate::{self, Certificate};
 use crate::bound::{self, LowerBound};
 use crate::config::ConfigSource;
 use crate::dilatation::Dilatation;
@@ -30,7 +31,8 @@ pub(super) fn check(files: &Files, findings: &mut Findings) {
     let measured = measure(&files.domain, &files.image);
     let centre: Option<[f64; 3]> = Option::deserialize(&files.report["domain"]["centre"]).unwrap_or_default();
     let centre = centre.map(Vec3::from);
-    let known = bound::all(&files.domain, &files.image, centre, centre.is_some());
+    let mut known = bound::all(&files.domain, &files.image, centre, centre.is_some());
+    known.extend(certificate(files, findings));
     config(&files.report, findings);
     size(files, findings);
     orientations(files, &measured, findings);
@@ -43,7 +45,6 @@ pub(super) fn check(files: &Files, findings: &mut Findings) {
     }
     bounds(files, &known, measured.summary.max_k, findings);
     summary(files, &measured, &known, findings);
-    certificate(files, findings);
 }
 
 fn config(report: &Value, findings: &mut Findings) {
@@ -224,12 +225,15 @@ fn summary(files: &Files, measured: &Measured, known: &[LowerBound], findings: &
     findings.expect(files.summary.contains(table), || "summary.txt lacks the table of the bounds".into());
 }
 
-/// The place where a certificate of the bound by Gram matrices is checked once runs write one.
-fn certificate(files: &Files, findings: &mut Findings) {
-    if files.has_certificate {
-        findings.begin("certificate.json");
-        findings.found("certificate.json is there, but this version cannot check certificates");
-    }
+/// The bound that the certificate proves, if there is one.
+fn certificate(files: &Files, findings: &mut Findings) -> Option<LowerBound> {
+    let text = files.certificate.as_ref()?;
+    findings.begin("the certificate proves its bound, with a rounding margin");
+    let found = serde_json::from_str::<Certificate>(text).map_err(|error| error.to_string());
+    let proved = found.and_then(|found| {
+        certificate::bound(&found, &files.domain, &files.image).map_err(|rejection| rejection.to_string())
+    });
+    proved.map_err(|reason| findings.found(format!("certificate.json proves nothing: {reason}"))).ok()
 }
 
 /// Lists where a reported value differs from one computed anew; numbers may differ by a relative `tolerance`.

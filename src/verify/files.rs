@@ -21,8 +21,8 @@ pub(super) struct Files {
     /// The columns of `trace.csv` that are checked: iteration, max_k and mean_k.
     pub trace: Vec<(usize, f64, f64)>,
     pub summary: String,
-    /// Whether there is a certificate.
-    pub has_certificate: bool,
+    /// The text of `certificate.json`, if there is one.
+    pub certificate: Option<String>,
 }
 
 /// The report as JSON.
@@ -71,9 +71,16 @@ impl Files {
         let mesh = TetMesh::new(domain.soup.points, domain.soup.tets).map_err(|error| error.to_string());
         let domain = mesh.and_then(|mesh| Domain::new(mesh).map_err(|error| error.to_string()));
         let domain = domain.map_err(|error| findings.found(format!("domain.vtu: {error}"))).ok()?;
-        let has_certificate = folder.join("certificate.json").exists();
+        let certificate = folder.join("certificate.json");
+        let certificate = match certificate.exists().then(|| std::fs::read_to_string(&certificate)).transpose() {
+            Ok(text) => text,
+            Err(error) => {
+                findings.found(format!("certificate.json cannot be read: {error}"));
+                None
+            }
+        };
         let trace = trace.into_iter().map(|row| (row.iteration, row.max_k, row.mean_k)).collect();
-        Some(Self { report, domain, image: image.soup.points, cells, trace, summary, has_certificate })
+        Some(Self { report, domain, image: image.soup.points, cells, trace, summary, certificate })
     }
 }
 

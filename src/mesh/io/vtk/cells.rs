@@ -5,6 +5,8 @@ use crate::mesh::io::tokens::Fault;
 
 /// VTK's number for a linear tetrahedron.
 pub(super) const TETRA: u8 = 10;
+/// VTK's number for a linear hexahedron.
+pub(super) const HEXAHEDRON: u8 = 12;
 
 /// An unstructured grid as both formats hold it.
 #[derive(Default)]

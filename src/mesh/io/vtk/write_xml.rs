@@ -13,12 +13,15 @@ use flate2::Compression;
 use flate2::write::ZlibEncoder;
 use quick_xml::escape::escape;
 
-use super::cells::TETRA;
+use super::cells::{HEXAHEDRON, TETRA};
 use crate::mesh::io::{WriteError, write_atomically};
 use crate::mesh::{Vec3, VertexId};
 
 /// VTK's own default block size is of this order; smaller blocks compress worse, larger ones gain nothing.
 const BLOCK_BYTES: usize = 32_768;
+
+/// VTK's order of a hexahedron's corners, each by its binary number: round the lower side, then round the upper one.
+const HEXAHEDRON_ORDER: [usize; 8] = [0, 1, 3, 2, 4, 5, 7, 6];
 
 /// A named array with one entry a point or one a cell.
 #[derive(Clone, Debug)]
@@ -64,10 +67,41 @@ pub fn write_vtu(
     point_data: &[DataArray],
     cell_data: &[DataArray],
 ) -> Result<(), WriteError> {
+    write_grid(path, points, TETRA, tets, point_data, cell_data)
+}
+
+/// Writes hexahedra, whose corners are in binary order as those of a [`crate::mesh::VoxelMesh`] and its images are, with data
+/// on points and cells; VTK's own order has the third and fourth corner of each side exchanged.
+///
+/// # Errors
+/// The path and the system's reason.
+///
+/// # Panics
+/// When an array has not one entry a point or cell.
+pub fn write_hexahedra_vtu(
+    path: &Path,
+    points: &[Vec3],
+    cells: &[[VertexId; 8]],
+    point_data: &[DataArray],
+    cell_data: &[DataArray],
+) -> Result<(), WriteError> {
+    let cells: Vec<[VertexId; 8]> = cells.iter().map(|cell| HEXAHEDRON_ORDER.map(|i| cell[i])).collect();
+    write_grid(path, points, HEXAHEDRON, &cells, point_data, cell_data)
+}
+
+/// Writes cells of one type, their corners in VTK's order.
+fn write_grid<const CORNERS: usize>(
+    path: &Path,
+    points: &[Vec3],
+    kind: u8,
+    cells: &[[VertexId; CORNERS]],
+    point_data: &[DataArray],
+    cell_data: &[DataArray],
+) -> Result<(), WriteError> {
     assert!(point_data.iter().all(|array| array.values.len() == points.len()), "one entry a point");
-    assert!(cell_data.iter().all(|array| array.values.len() == tets.len()), "one entry a cell");
-    let connectivity = integers(tets.iter().flatten().map(|v| i64::from(v.0)));
-    let offsets = integers((1..=tets.len() as i64).map(|number| 4 * number));
+    assert!(cell_data.iter().all(|array| array.values.len() == cells.len()), "one entry a cell");
+    let connectivity = integers(cells.iter().flatten().map(|v| i64::from(v.0)));
+    let offsets = integers((1..=cells.len() as i64).map(|number| CORNERS as i64 * number));
     write_atomically(path, |file| {
         writeln!(
             file,
@@ -75,14 +109,14 @@ pub fn write_vtu(
              header_type=\"UInt64\" compressor=\"vtkZLibDataCompressor\">\n<UnstructuredGrid>\n\
              <Piece NumberOfPoints=\"{}\" NumberOfCells=\"{}\">",
             points.len(),
-            tets.len()
+            cells.len()
         )?;
         writeln!(file, "<Points>")?;
         write_values(file, "Points", &Values::Vectors(points))?;
         writeln!(file, "</Points>\n<Cells>")?;
         write_array(file, "Int64", "connectivity", 1, &connectivity)?;
         write_array(file, "Int64", "offsets", 1, &offsets)?;
-        write_array(file, "UInt8", "types", 1, &vec![TETRA; tets.len()])?;
+        write_array(file, "UInt8", "types", 1, &vec![kind; cells.len()])?;
         writeln!(file, "</Cells>\n<PointData>")?;
         point_data.iter().try_for_each(|array| write_values(file, array.name, &array.values))?;
         writeln!(file, "</PointData>\n<CellData>")?;
@@ -130,4 +164,30 @@ fn write_array(file: &mut dyn Write, kind: &str, name: &str, components: usize, 
         STANDARD.encode(header),
         STANDARD.encode(compressed)
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hexahedra_go_round_their_lower_and_then_their_upper_side() {
+        // VTK File Formats, figure 2: the hexahedron's corners 0 to 7.
+        let vtk = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]];
+        assert_eq!(HEXAHEDRON_ORDER.map(|i| [i & 1, i >> 1 & 1, i >> 2]), vtk);
+    }
+
+    #[test]
+    fn a_file_of_hexahedra_says_what_it_holds() {
+        let points: Vec<Vec3> =
+            (0..8).map(|i| Vec3::new((i & 1).into(), (i >> 1 & 1).into(), (i >> 2).into())).collect();
+        let cell = std::array::from_fn(|i| VertexId(i as u32));
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("voxel.vtu");
+        let data = [DataArray { name: "K", values: Values::Scalars(&[1.5]) }];
+        write_hexahedra_vtu(&path, &points, &[cell], &[], &data).unwrap();
+        // Of its cells only tets are read here, so that reading ends at the type of the first one.
+        let message = crate::mesh::io::read_tets(&path).unwrap_err().to_string();
+        assert!(message.contains("cell 0 (counted from 0) is a hexahedron"), "{message}");
+    }
 }

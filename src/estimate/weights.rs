@@ -1,0 +1,55 @@
+//! The measure of cells and the weights of cells at a vertex (paper eq. 23-25, Table 1).
+
+use clap::ValueEnum;
+use serde::{Deserialize, Serialize};
+
+use super::Cells;
+use crate::domain::edge_matrix;
+use crate::mesh::Vec3;
+use crate::mesh::angle::tet_solid_angle;
+
+/// How much each cell at a vertex counts (paper Table 1); the weights are normalized to the sum 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum Weights {
+    /// 1.
+    Equal,
+    /// The measure m(c) of the cell.
+    Measure,
+    /// The solid angle of the cell at the vertex: the paper's choice on tets. The same as `Equal` in a mesh of boxes, which
+    /// is the paper's choice there.
+    SolidAngle,
+    /// The solid angle over m(c).
+    SolidAnglePerMeasure,
+}
+
+impl Weights {
+    /// All four.
+    pub const ALL: [Self; 4] = [Self::Equal, Self::Measure, Self::SolidAngle, Self::SolidAnglePerMeasure];
+
+    pub(super) fn of(self, cells: Cells, cell: usize, corner: usize, domain: &[Vec3]) -> f64 {
+        let solid_angle = || {
+            let at = |corner: usize| &domain[cells.vertices(cell)[corner].index()];
+            tet_solid_angle(at(corner), cells.neighbours(corner).map(at)).value
+        };
+        match self {
+            Self::Equal => 1.0,
+            Self::Measure => measure(cells, cell, domain),
+            Self::SolidAngle => solid_angle(),
+            Self::SolidAnglePerMeasure => solid_angle() / measure(cells, cell, domain),
+        }
+    }
+}
+
+/// The signed volume of a cell: of a tet by eq. 24, of a hexahedron (corners in binary order) by eq. 25, which is exact where
+/// the faces are plane.
+pub fn measure(cells: Cells, cell: usize, points: &[Vec3]) -> f64 {
+    match cells {
+        Cells::Tets(tets) => edge_matrix(Cells::tet(&tets[cell], points)).determinant() / 6.0,
+        Cells::Hexahedra(cells) => {
+            let x = Cells::hexahedron(&cells[cell], points);
+            let e = |i: usize, j: usize| x[i] - x[j];
+            e(7, 0).dot(&(e(1, 0).cross(&e(3, 5)) + e(4, 0).cross(&e(5, 6)) + e(2, 0).cross(&e(6, 3)))) / 6.0
+        }
+    }
+}
