@@ -8,7 +8,7 @@ mod system;
 pub use iterative::BlockConjugateGradients;
 pub use sparse::{BlockCholesky, SparseError};
 pub use svd::{Svd, svd};
-pub use system::NewtonSystem;
+pub use system::{Method, NewtonSystem};
 
 /// A point or vector of three-space.
 pub type Vec3 = nalgebra::Vector3<f64>;

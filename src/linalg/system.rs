@@ -2,6 +2,15 @@
 
 use super::{BlockCholesky, BlockConjugateGradients, SparseError};
 
+/// How Newton systems are solved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Method {
+    /// To rounding, by a sparse factor whose time grows with the square of the number of vertices.
+    Direct,
+    /// To a thousandth of the residual, in memory that grows with the number of vertices.
+    Iterative,
+}
+
 /// A symmetric matrix of 3x3 blocks with a fixed pattern, solved again and again with new values.
 pub enum NewtonSystem {
     /// By a sparse Cholesky factor.
@@ -20,6 +29,18 @@ macro_rules! delegate {
 }
 
 impl NewtonSystem {
+    /// Prepares a matrix whose pattern is given as edges `(row, column)` with `row > column` between `block_count` blocks;
+    /// the diagonal is always there.
+    ///
+    /// # Errors
+    /// [`SparseError::TooLarge`] if the factor of a direct solve cannot be held.
+    pub fn new(method: Method, block_count: usize, edges: &[(u32, u32)]) -> Result<Self, SparseError> {
+        Ok(match method {
+            Method::Direct => Self::Direct(BlockCholesky::new(block_count, edges)?),
+            Method::Iterative => Self::Iterative(BlockConjugateGradients::new(block_count, edges)),
+        })
+    }
+
     /// Start of each block column in [`NewtonSystem::rows`]; a block column of `m` blocks has `9 m` values.
     pub fn column_starts(&self) -> &[usize] {
         delegate!(self, system => system.column_starts())

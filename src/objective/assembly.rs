@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::element::{ElementDerivatives, centred_logs, gradient_from};
 use super::{Barrier, TetEnergy};
 use crate::domain::Domain;
-use crate::linalg::{BlockCholesky, BlockConjugateGradients, NewtonSystem, SparseError, svd};
+use crate::linalg::{Method, NewtonSystem, SparseError, svd};
 use crate::mesh::{TetId, Vec3};
 
 /// Tets a parallel task works on at once; fixed, so that partial sums do not depend on the number of threads.
@@ -57,11 +57,12 @@ impl Gather {
 }
 
 impl<'d> Assembly<'d> {
-    /// Prepares the sums over a domain whose vertices with `fixed[vertex] == false` are free.
+    /// Prepares the sums over a domain whose vertices with `fixed[vertex] == false` are free, their Newton systems solved by
+    /// `method`.
     ///
     /// # Errors
     /// [`SparseError::TooLarge`] if the factor of the Newton system cannot be held.
-    pub fn new(domain: &'d Domain, fixed: &[bool]) -> Result<Self, SparseError> {
+    pub fn new(domain: &'d Domain, fixed: &[bool], method: Method) -> Result<Self, SparseError> {
         let tets = domain.mesh().tets();
         // Contributions are packed into 32 bits.
         if tets.len() >= u32::MAX as usize / 20 {
@@ -87,12 +88,7 @@ impl<'d> Assembly<'d> {
             .collect();
         edges.sort_unstable();
         edges.dedup();
-        let most: usize = std::env::var("DIRECT").ok().and_then(|v| v.parse().ok()).unwrap_or(20_000);
-        let system = if free.len() <= most {
-            NewtonSystem::Direct(BlockCholesky::new(free.len(), &edges)?)
-        } else {
-            NewtonSystem::Iterative(BlockConjugateGradients::new(free.len(), &edges))
-        };
+        let system = NewtonSystem::new(method, free.len(), &edges)?;
         let slot = |row: u32, column: u32| {
             let (start, end) = (system.column_starts()[column as usize], system.column_starts()[column as usize + 1]);
             start + system.rows()[start..end].binary_search(&row).expect("every pair of a tet is in the pattern")
@@ -126,6 +122,12 @@ impl<'d> Assembly<'d> {
             .with_min_len(CHUNK)
             .map(|t| svd(&self.domain.jacobian(TetId(t), image)).values)
             .collect()
+    }
+
+    /// ln K of every tet; `None` if one is flipped.
+    pub fn log_dilatations(&self, image: &[Vec3]) -> Option<Vec<f64>> {
+        let values = self.singular_values(image);
+        values.iter().map(|&s| centred_logs(s).map(|logs| 3.0 * logs[0].max(-logs[2]))).collect()
     }
 
     /// The largest |l| of a map, so that `max K = exp(3 * largest)`; `None` if a tet is flipped.

@@ -59,31 +59,54 @@ impl Row {
     }
 }
 
+/// How a phase ended.
+pub(super) struct Settled {
+    pub end: PhaseEnd,
+    /// The bound on ln K; `None` if nothing was solved.
+    pub bound: Option<f64>,
+    /// Multipliers of near-active constraints: the tet, its side (0 for K_O, 1 for K_I), the multiplier.
+    pub multipliers: Vec<(usize, usize, f64)>,
+}
+
 /// Minimises ln max K from `image` until the Karush-Kuhn-Tucker conditions hold to within `tolerance`.
-///
-/// Returns also their residual at the end, unless nothing was solved.
 pub(super) fn primal_dual_phase(
     assembly: &mut Assembly<'_>,
     image: &mut Vec<Vec3>,
     tolerance: f64,
     recorder: &mut Recorder<'_>,
-) -> (PhaseEnd, Option<KktResidual>) {
-    let Some(mut stage) = Stage::first(assembly, image, tolerance) else { return (PhaseEnd::NoProgress, None) };
+) -> Settled {
+    let Some(mut stage) = Stage::first(assembly, image, tolerance) else {
+        return Settled { end: PhaseEnd::NoProgress, bound: None, multipliers: Vec::new() };
+    };
+    let end = follow(assembly, image, &mut stage, recorder);
+    let sides = |(tet, pair): (usize, &[Option<Multiplier>; 2])| {
+        [0, 1].map(|side| pair[side].map(|multiplier| (tet, side, multiplier.value)))
+    };
+    let multipliers = stage.problem.near_active.iter().enumerate().flat_map(sides).flatten().collect();
+    Settled { end, bound: Some(stage.problem.bound), multipliers }
+}
+
+/// Follows the path of centres.
+fn follow(
+    assembly: &mut Assembly<'_>,
+    image: &mut Vec<Vec3>,
+    stage: &mut Stage,
+    recorder: &mut Recorder<'_>,
+) -> PhaseEnd {
+    let tolerance = stage.tolerance;
     let share = recorder.progress;
     let first_weight = stage.weight;
     let mut negative = 1.0;
-    let mut kkt = None;
     loop {
         stage.select(assembly, image);
         let rows = stage.rows(assembly, image);
         let Some(system) = Bordered::new(assembly, image, &stage.problem, &mut negative) else {
-            return (PhaseEnd::NoProgress, kkt);
+            return PhaseEnd::NoProgress;
         };
         let (residual, centrality) = stage.residual(&system, &rows);
-        kkt = Some(residual);
         let last = stage.is_last();
         if last && (residual.largest().max(centrality) < 0.7 * tolerance || stage.steps == STAGE_STEPS) {
-            return (PhaseEnd::Converged, kkt);
+            return PhaseEnd::Converged;
         }
         // As near to its centre as the stage's own gap asks for.
         let error = residual.dual.max(residual.primal).max(centrality);
@@ -96,11 +119,11 @@ pub(super) fn primal_dual_phase(
         }
         let Some(length) = step(assembly, image, &mut stage.problem, &system, &rows) else {
             // At the last weights rounding decides: as centred as it gets.
-            return (if last { PhaseEnd::Converged } else { PhaseEnd::NoProgress }, kkt);
+            return if last { PhaseEnd::Converged } else { PhaseEnd::NoProgress };
         };
         stage.steps += 1;
         if recorder.record("minimax", stage.problem.bound, length, image) == Progress::Stop {
-            return (PhaseEnd::Interrupted, kkt);
+            return PhaseEnd::Interrupted;
         }
         negative = (2.0 * negative).clamp(0.02, 1.0);
     }

@@ -16,9 +16,21 @@ pub(super) enum Progress {
     Stop,
 }
 
+/// The vertices and tets of a part of the mesh.
+#[derive(Clone, Debug)]
+pub(super) struct Part {
+    pub vertices: Vec<u32>,
+    pub tets: Vec<TetId>,
+}
+
 /// Measures each iterate, keeps the best one and the trace, and watches the limits.
 pub(super) struct Recorder<'a> {
     domain: &'a Domain,
+    /// The last iterate, and K of each tet there.
+    image: Vec<Vec3>,
+    dilatations: Vec<f64>,
+    /// What the positions passed to [`Recorder::record`] are; `None` for all vertices.
+    pub(super) part: Option<Part>,
     start: Instant,
     pub(super) max_iterations: usize,
     time_limit: Option<Duration>,
@@ -41,6 +53,9 @@ impl<'a> Recorder<'a> {
     ) -> Self {
         let mut recorder = Self {
             domain,
+            image: image.to_vec(),
+            dilatations: Vec::new(),
+            part: None,
             start: Instant::now(),
             max_iterations: settings.max_iterations,
             time_limit: settings.time_limit,
@@ -54,6 +69,27 @@ impl<'a> Recorder<'a> {
         };
         recorder.record("start", f64::INFINITY, 0.0, image);
         recorder
+    }
+
+    /// Measures what has changed.
+    fn measure(&mut self, image: &[Vec3]) {
+        let k = |image: &[Vec3], t: TetId| Dilatation::of(&self.domain.jacobian(t, image)).k();
+        match &self.part {
+            None => {
+                self.image.copy_from_slice(image);
+                let tets = self.domain.mesh().tets().len() as u32;
+                self.dilatations = (0..tets).into_par_iter().with_min_len(1024).map(|t| k(image, TetId(t))).collect();
+            }
+            Some(part) => {
+                for (&v, position) in part.vertices.iter().zip(image) {
+                    self.image[v as usize] = *position;
+                }
+                let changed: Vec<f64> = part.tets.par_iter().with_min_len(1024).map(|&t| k(&self.image, t)).collect();
+                for (t, changed) in part.tets.iter().zip(changed) {
+                    self.dilatations[t.index()] = changed;
+                }
+            }
+        }
     }
 
     /// Which limit stopped it.
@@ -71,19 +107,14 @@ impl<'a> Recorder<'a> {
     }
 
     pub(super) fn record(&mut self, phase: &str, objective: f64, step: f64, image: &[Vec3]) -> Progress {
-        let tets = self.domain.mesh().tets().len() as u32;
-        let dilatations: Vec<f64> = (0..tets)
-            .into_par_iter()
-            .with_min_len(1024)
-            .map(|t| Dilatation::of(&self.domain.jacobian(TetId(t), image)).k())
-            .collect();
-        let mean_k = dilatations.iter().sum::<f64>() / dilatations.len() as f64;
-        let max_k = dilatations.iter().copied().fold(1.0, f64::max);
+        self.measure(image);
+        let mean_k = self.dilatations.iter().sum::<f64>() / self.dilatations.len() as f64;
+        let max_k = self.dilatations.iter().copied().fold(1.0, f64::max);
         if max_k < self.best_k {
             self.best_k = max_k;
             self.mean_of_best = mean_k;
             self.best.clear();
-            self.best.extend_from_slice(image);
+            self.best.extend_from_slice(&self.image);
         }
         let row = TraceRow {
             phase: phase.into(),

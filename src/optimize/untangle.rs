@@ -65,7 +65,7 @@ pub fn untangle(
         return Ok(best);
     }
     let clock = Instant::now();
-    let mut assembly = Assembly::new(domain, fixed)?;
+    let mut assembly = Assembly::new(domain, fixed, super::method(fixed))?;
     let mut image = start.to_vec();
     let mut shift = Shift::new();
     let least = |assembly: &Assembly<'_>, image: &[Vec3]| {

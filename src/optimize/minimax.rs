@@ -1,0 +1,89 @@
+//! The largest dilatation settled region by region: few tets decide it, and only what they depend on is solved for.
+
+use super::newton::PhaseEnd;
+use super::primal_dual::{Settled, primal_dual_phase};
+use super::recorder::Recorder;
+use super::region::Region;
+use super::{KktResidual, OPTIMAL};
+use crate::linalg::{Method, SparseError};
+use crate::mesh::{TetId, Vec3};
+use crate::objective::{Assembly, log_dilatations};
+
+/// Most free vertices that are solved for at once, directly: 2 s a step.
+pub(super) const MOST_FREE: usize = 20_000;
+/// Share of the largest ln K above which a tet belongs to the region, from round to round, with the rings of tets about it.
+const ROUNDS: [(f64, usize); 5] = [(0.8, 2), (0.7, 3), (0.6, 4), (0.5, 5), (0.0, 0)];
+
+/// How the minimax problem was left.
+pub(super) enum Ending {
+    /// As a phase ends, with the residual over all free vertices.
+    Settled(PhaseEnd, Option<KktResidual>),
+    /// The tets of large K are too many to be solved for at once.
+    TooWide,
+}
+
+/// Minimises ln max K from `image`, on growing regions, until none of the active tets reaches beyond the region.
+pub(super) fn minimax(
+    whole: &Assembly<'_>,
+    fixed: &[bool],
+    image: &mut [Vec3],
+    tolerance: f64,
+    recorder: &mut Recorder<'_>,
+) -> Result<Ending, SparseError> {
+    let tets = whole.domain().mesh().tets().len();
+    let mut last = None;
+    for (share, rings) in ROUNDS {
+        let Some(region) = Region::around(whole, fixed, image, share, rings, MOST_FREE) else {
+            break;
+        };
+        let mut assembly = Assembly::new(&region.domain, &region.fixed, Method::Direct)?;
+        if assembly.free().is_empty() {
+            continue;
+        }
+        let mut part = region.restrict(image);
+        recorder.part = Some(region.part.clone());
+        let settled = primal_dual_phase(&mut assembly, &mut part, tolerance, recorder);
+        recorder.part = None;
+        region.extend(&part, image);
+        let kkt = settled.bound.map(|bound| over_all(whole, fixed, image, bound, &settled, &region));
+        let optimal = kkt.flatten().is_some_and(|kkt| kkt.largest() <= OPTIMAL);
+        last = Some((settled.end, kkt.flatten()));
+        if settled.end == PhaseEnd::Interrupted || optimal || region.is_whole(tets) {
+            break;
+        }
+    }
+    Ok(match last {
+        Some((end, kkt)) => Ending::Settled(end, kkt),
+        None => Ending::TooWide,
+    })
+}
+
+/// The residual with respect to all free vertices and all tets, of the multipliers that a region was settled with.
+fn over_all(
+    whole: &Assembly<'_>,
+    fixed: &[bool],
+    image: &[Vec3],
+    bound: f64,
+    settled: &Settled,
+    region: &Region,
+) -> Option<KktResidual> {
+    let domain = whole.domain();
+    let mut gradient = vec![Vec3::zeros(); image.len()];
+    let (mut scale, mut sum, mut complementarity) = (0.0, 0.0, 0.0);
+    for &(tet, side, multiplier) in &settled.multipliers {
+        let tet: TetId = region.part.tets[tet];
+        let function = log_dilatations(domain, tet, image)?[side];
+        for (g, v) in function.gradient.iter().zip(domain.mesh().tets()[tet.index()]) {
+            if !fixed[v.index()] {
+                gradient[v.index()] += g * multiplier;
+                scale += multiplier * g.norm();
+            }
+        }
+        sum += multiplier;
+        complementarity += multiplier * (bound - function.value).abs();
+    }
+    let largest = 3.0 * whole.largest_log(image)?;
+    let norm = gradient.iter().map(Vec3::norm_squared).sum::<f64>().sqrt();
+    let dual = (norm / scale).max(f64::abs(1.0 - sum));
+    Some(KktResidual { primal: (largest - bound).max(0.0), dual, complementarity })
+}

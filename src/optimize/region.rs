@@ -1,0 +1,87 @@
+//! The part of a mesh that the largest dilatations depend on, as a mesh of its own.
+
+use super::recorder::Part;
+use crate::domain::Domain;
+use crate::mesh::{TetId, TetMesh, Vec3, VertexId};
+use crate::objective::Assembly;
+
+/// Free vertices about the tets of large K, with all tets that they touch.
+pub(super) struct Region {
+    /// The vertices and tets of the whole mesh that the region's are.
+    pub part: Part,
+    /// The region's tets as a mesh.
+    pub domain: Domain,
+    /// For each vertex of the region, whether it stays where it is: at the region's rim, or because it is fixed.
+    pub fixed: Vec<bool>,
+    /// For each vertex of the region, whether it is fixed in the whole mesh.
+    pub truly_fixed: Vec<bool>,
+}
+
+impl Region {
+    /// The free vertices of tets with ln K above `share` of the largest one, and those up to `rings` tets away; all where
+    /// these are more than half. `None` if they are more than `most`.
+    pub(super) fn around(
+        assembly: &Assembly<'_>,
+        fixed: &[bool],
+        image: &[Vec3],
+        share: f64,
+        rings: usize,
+        most: usize,
+    ) -> Option<Self> {
+        let domain = assembly.domain();
+        let tets = domain.mesh().tets();
+        let values = assembly.log_dilatations(image)?;
+        let threshold = share * values.iter().copied().fold(0.0, f64::max);
+        let mut inside = vec![false; fixed.len()];
+        let touch = |inside: &mut Vec<bool>, chosen: &dyn Fn(usize) -> bool| {
+            let vertices: Vec<VertexId> = (0..tets.len()).filter(|&t| chosen(t)).flat_map(|t| tets[t]).collect();
+            vertices.into_iter().for_each(|v| inside[v.index()] = true);
+        };
+        touch(&mut inside, &|t| values[t] >= threshold);
+        for _ in 0..rings {
+            let before = inside.clone();
+            touch(&mut inside, &|t| tets[t].iter().any(|v| before[v.index()]));
+        }
+        let all = assembly.free().len();
+        let count = assembly.free().iter().filter(|&&v| inside[v as usize]).count();
+        if 2 * count > all && all <= most {
+            inside.fill(true);
+        } else if count > most {
+            return None;
+        }
+        let free = |v: VertexId| inside[v.index()] && !fixed[v.index()];
+        let chosen: Vec<u32> = (0..tets.len() as u32).filter(|&t| tets[t as usize].iter().any(|&v| free(v))).collect();
+        let mut vertices: Vec<u32> = chosen.iter().flat_map(|&t| tets[t as usize].map(|v| v.0)).collect();
+        vertices.sort_unstable();
+        vertices.dedup();
+        let local = |v: VertexId| VertexId(vertices.binary_search(&v.0).expect("every corner is listed") as u32);
+        let mesh = TetMesh::new(
+            vertices.iter().map(|&v| domain.mesh().points()[v as usize]).collect(),
+            chosen.iter().map(|&t| tets[t as usize].map(local)).collect(),
+        )
+        .expect("tets of a valid mesh");
+        Some(Self {
+            domain: Domain::any_topology(mesh).expect("triangles of a valid mesh"),
+            fixed: vertices.iter().map(|&v| !free(VertexId(v))).collect(),
+            truly_fixed: vertices.iter().map(|&v| fixed[v as usize]).collect(),
+            part: Part { vertices, tets: chosen.into_iter().map(TetId).collect() },
+        })
+    }
+
+    /// The region's share of positions of all vertices.
+    pub(super) fn restrict(&self, image: &[Vec3]) -> Vec<Vec3> {
+        self.part.vertices.iter().map(|&v| image[v as usize]).collect()
+    }
+
+    /// Writes the region's positions into those of all vertices.
+    pub(super) fn extend(&self, part: &[Vec3], image: &mut [Vec3]) {
+        for (&v, position) in self.part.vertices.iter().zip(part) {
+            image[v as usize] = *position;
+        }
+    }
+
+    /// Whether nothing of the whole mesh but its fixed vertices is held in place.
+    pub(super) fn is_whole(&self, tets: usize) -> bool {
+        self.part.tets.len() == tets && self.fixed == self.truly_fixed
+    }
+}
