@@ -33,7 +33,7 @@ pub(super) fn minimax(
     let tets = whole.domain().mesh().tets().len();
     let mut last = None;
     for (share, rings) in ROUNDS {
-        let Some(region) = Region::around(whole, fixed, image, share, rings, MOST_FREE) else {
+        let Some(region) = Region::of_large_dilatation(whole, fixed, image, share, rings, MOST_FREE) else {
             break;
         };
         let mut assembly = Assembly::new(&region.domain, &region.fixed, Method::Direct)?;

@@ -19,8 +19,8 @@ pub(super) struct Region {
 
 impl Region {
     /// The free vertices of tets with ln K above `share` of the largest one, and those up to `rings` tets away; all where
-    /// these are more than half. `None` if they are more than `most`.
-    pub(super) fn around(
+    /// these are more than half. `None` if they are more than `most`, or a tet is flipped.
+    pub(super) fn of_large_dilatation(
         assembly: &Assembly<'_>,
         fixed: &[bool],
         image: &[Vec3],
@@ -28,22 +28,33 @@ impl Region {
         rings: usize,
         most: usize,
     ) -> Option<Self> {
-        let domain = assembly.domain();
-        let tets = domain.mesh().tets();
         let values = assembly.log_dilatations(image)?;
         let threshold = share * values.iter().copied().fold(0.0, f64::max);
+        Self::around(assembly.domain(), fixed, &|t| values[t] >= threshold, rings, most)
+    }
+
+    /// The free vertices of the tets `chosen`, and those up to `rings` tets away; all where these are more than half. `None`
+    /// if they are more than `most`.
+    pub(super) fn around(
+        domain: &Domain,
+        fixed: &[bool],
+        chosen: &dyn Fn(usize) -> bool,
+        rings: usize,
+        most: usize,
+    ) -> Option<Self> {
+        let tets = domain.mesh().tets();
         let mut inside = vec![false; fixed.len()];
         let touch = |inside: &mut Vec<bool>, chosen: &dyn Fn(usize) -> bool| {
             let vertices: Vec<VertexId> = (0..tets.len()).filter(|&t| chosen(t)).flat_map(|t| tets[t]).collect();
             vertices.into_iter().for_each(|v| inside[v.index()] = true);
         };
-        touch(&mut inside, &|t| values[t] >= threshold);
+        touch(&mut inside, chosen);
         for _ in 0..rings {
             let before = inside.clone();
             touch(&mut inside, &|t| tets[t].iter().any(|v| before[v.index()]));
         }
-        let all = assembly.free().len();
-        let count = assembly.free().iter().filter(|&&v| inside[v as usize]).count();
+        let all = fixed.iter().filter(|&&fixed| !fixed).count();
+        let count = fixed.iter().zip(&inside).filter(|&(&fixed, &inside)| inside && !fixed).count();
         if 2 * count > all && all <= most {
             inside.fill(true);
         } else if count > most {
