@@ -155,3 +155,26 @@ fn limits_end_the_epigraph_engines() {
         }
     }
 }
+
+#[test]
+fn lexicographic_levels_lower_what_lies_below_the_largest() {
+    for problem in problems() {
+        let largest = |polish| {
+            let settings = OptimizeSettings { polish, ..OptimizeSettings::default() };
+            let fixed = problem.domain.boundary().vertex_mask();
+            let outcome = optimize(&problem.domain, &problem.start, fixed, &settings, &mut |_| {}).unwrap();
+            assert_eq!(outcome.stop, StopReason::Optimal, "{}", problem.name);
+            let values = measure(&problem.domain, &outcome.positions).dilatations;
+            let mut values: Vec<f64> = values.iter().map(|dilatation| dilatation.k()).collect();
+            values.sort_by(|a, b| b.total_cmp(a));
+            values
+        };
+        let [first, further] = [Polish::None, Polish::Lexicographic { levels: 4 }].map(largest);
+        assert_eq!(first[0], further[0], "{}: the largest is settled before", problem.name);
+        // The first value in which they differ by more than the accuracy of a level is the smaller one with more levels.
+        let differ = first.iter().zip(&further).find(|(a, b)| (*a / *b).ln().abs() > 2e-5);
+        if let Some((first, further)) = differ {
+            assert!(further < first, "{}: {further} {first}", problem.name);
+        }
+    }
+}

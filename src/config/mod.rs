@@ -239,8 +239,11 @@ pub struct OptimizeTable {
     /// "newton-cg" and "trust-region" minimize the soft maxima; "mma", "ccsaq" and "slsqp" the largest K, on small meshes.
     pub engine: Engine,
     /// What follows the objective "max" when the largest K is settled: "mean" (the default) lowers the mean while the
-    /// largest K may rise by 0.02 %, "none" does nothing.
+    /// largest K may rise by 0.02 %, "lexicographic" lowers the next largest K and so on, "none" does nothing.
     pub polish: Option<PolishName>,
+    /// Number of largest values of K that the polish "lexicographic" settles, at least 2. Default: 3.
+    #[schemars(range(min = 2))]
+    pub levels: Option<i64>,
     /// Accuracy in ln K at which the last phase ends, > 0. Default: 1e-6.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub tolerance: Option<f64>,
@@ -335,6 +338,8 @@ pub struct BoundsTable {
 pub enum PolishName {
     /// The mean is lowered under a cap on the largest K.
     Mean,
+    /// The next largest K is settled with the tets of the largest one held, and so on.
+    Lexicographic,
     /// Nothing.
     None,
 }

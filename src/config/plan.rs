@@ -8,7 +8,7 @@ use super::limits::{duration, positive, whole};
 use super::mesh::{self, MeshPlan};
 use super::{
     CentreName, CentreValue, Config, ConfigSource, ExponentName, ExponentValue, MapKind, MeshKind, ObjectiveName,
-    PolishName, solid,
+    OptimizeTable, PolishName, solid,
 };
 use crate::bound::certificate::DEFAULT_TIME_LIMIT;
 use crate::mesh::Vec3;
@@ -223,18 +223,30 @@ pub(super) fn optimize(config: &Config) -> Result<OptimizeSettings, Fault> {
     Ok(OptimizeSettings {
         objective,
         engine: table.engine,
-        polish: match (table.polish, table.objective) {
-            (None, _) => default.polish,
-            (Some(PolishName::Mean), ObjectiveName::Max) => Polish::Mean,
-            (Some(PolishName::None), ObjectiveName::Max) => Polish::None,
-            (Some(_), ObjectiveName::SoftMax) => {
-                let message = "only the objective \"max\" is polished".to_string();
-                return Err(Fault::at(&["optimize", "polish"], message, "remove it, or use objective = \"max\""));
-            }
-        },
+        polish: polish(table, default.polish)?,
         tolerance: positive(table.tolerance, default.tolerance, &["optimize", "tolerance"])?,
         max_iterations: whole(table.max_iterations, default.max_iterations as i64, 0..=1_000_000_000, &key)?,
         time_limit: table.time_limit.map(|given| duration(given, 600.0, &["optimize", "time_limit"])).transpose()?,
         cancel: default.cancel,
     })
+}
+
+fn polish(table: &OptimizeTable, default: Polish) -> Result<Polish, Fault> {
+    let key = ["optimize", "levels"];
+    if table.levels.is_some() && table.polish != Some(PolishName::Lexicographic) {
+        let message = "only the polish \"lexicographic\" takes `levels`".to_string();
+        return Err(Fault::at(&key, message, "remove it, or add polish = \"lexicographic\""));
+    }
+    match (table.polish, table.objective) {
+        (None, _) => Ok(default),
+        (Some(PolishName::Mean), ObjectiveName::Max) => Ok(Polish::Mean),
+        (Some(PolishName::Lexicographic), ObjectiveName::Max) => {
+            Ok(Polish::Lexicographic { levels: whole(table.levels, 3, 2..=1_000_000, &key)? })
+        }
+        (Some(PolishName::None), ObjectiveName::Max) => Ok(Polish::None),
+        (Some(_), ObjectiveName::SoftMax) => {
+            let message = "only the objective \"max\" is polished".to_string();
+            Err(Fault::at(&["optimize", "polish"], message, "remove it, or use objective = \"max\""))
+        }
+    }
 }

@@ -3,7 +3,7 @@
 use super::newton::PhaseEnd;
 use super::primal_dual::{Settled, primal_dual_phase};
 use super::recorder::Recorder;
-use super::region::Region;
+use super::region::{Region, changeable};
 use super::{KktResidual, OPTIMAL};
 use crate::linalg::{Method, SparseError};
 use crate::mesh::{TetId, Vec3};
@@ -13,6 +13,9 @@ use crate::objective::{Assembly, log_dilatations};
 pub(super) const MOST_FREE: usize = 20_000;
 /// Share of the largest ln K above which a tet belongs to the region, from round to round, with the rings of tets about it.
 const ROUNDS: [(f64, usize); 5] = [(0.8, 2), (0.7, 3), (0.6, 4), (0.5, 5), (0.0, 0)];
+
+/// Distance in ln K within which tets are of one level.
+const LEVEL: f64 = 1e-5;
 
 /// How the minimax problem was left.
 pub(super) enum Ending {
@@ -30,7 +33,7 @@ pub(super) fn minimax(
     tolerance: f64,
     recorder: &mut Recorder<'_>,
 ) -> Result<Ending, SparseError> {
-    let tets = whole.domain().mesh().tets().len();
+    let free = fixed.iter().filter(|&&fixed| !fixed).count();
     let mut last = None;
     for (share, rings) in ROUNDS {
         let Some(region) = Region::of_large_dilatation(whole, fixed, image, share, rings, MOST_FREE) else {
@@ -48,7 +51,7 @@ pub(super) fn minimax(
         let kkt = settled.bound.map(|bound| over_all(whole, fixed, image, bound, &settled, &region));
         let optimal = kkt.flatten().is_some_and(|kkt| kkt.largest() <= OPTIMAL);
         last = Some((settled.end, kkt.flatten()));
-        if settled.end == PhaseEnd::Interrupted || optimal || region.is_whole(tets) {
+        if settled.end == PhaseEnd::Interrupted || optimal || region.is_whole(free) {
             break;
         }
     }
@@ -56,6 +59,34 @@ pub(super) fn minimax(
         Some((end, kkt)) => Ending::Settled(end, kkt),
         None => Ending::TooWide,
     })
+}
+
+/// Settles the second largest value of K and so on, `levels` in all: the tets that attain one, to within [`LEVEL`], are
+/// held while the largest K of the others is lowered.
+pub(super) fn next_levels(
+    whole: &Assembly<'_>,
+    fixed: &[bool],
+    image: &mut [Vec3],
+    levels: usize,
+    tolerance: f64,
+    recorder: &mut Recorder<'_>,
+) -> Result<PhaseEnd, SparseError> {
+    let mut held = fixed.to_vec();
+    for _ in 1..levels {
+        let Some(values) = changeable(whole, &held, image) else { break };
+        let threshold = values.iter().copied().fold(0.0, f64::max) - LEVEL;
+        let tets = whole.domain().mesh().tets();
+        for tet in tets.iter().zip(&values).filter(|(_, value)| **value >= threshold).map(|(tet, _)| tet) {
+            tet.iter().for_each(|v| held[v.index()] = true);
+        }
+        if held.iter().all(|&held| held) {
+            break;
+        }
+        if let Ending::Settled(PhaseEnd::Interrupted, _) = minimax(whole, &held, image, tolerance, recorder)? {
+            return Ok(PhaseEnd::Interrupted);
+        }
+    }
+    Ok(PhaseEnd::Converged)
 }
 
 /// The residual with respect to all free vertices and all tets, of the multipliers that a region was settled with.
@@ -82,7 +113,7 @@ fn over_all(
         sum += multiplier;
         complementarity += multiplier * (bound - function.value).abs();
     }
-    let largest = 3.0 * whole.largest_log(image)?;
+    let largest = changeable(whole, fixed, image)?.into_iter().fold(0.0, f64::max);
     let norm = gradient.iter().map(Vec3::norm_squared).sum::<f64>().sqrt();
     let dual = (norm / scale).max(f64::abs(1.0 - sum));
     Some(KktResidual { primal: (largest - bound).max(0.0), dual, complementarity })

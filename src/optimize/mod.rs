@@ -67,6 +67,11 @@ pub enum Objective {
 pub enum Polish {
     /// The mean is lowered while max K may rise by 0.02 %.
     Mean,
+    /// The next largest K is settled with the tets of the largest one held, and so on.
+    Lexicographic {
+        /// Number of values settled, the largest one included.
+        levels: usize,
+    },
     /// Nothing.
     None,
 }
@@ -267,6 +272,13 @@ pub fn optimize(
             if last.mean_k > before || last.max_k > cap {
                 image.clone_from(&recorder.best);
             }
+        }
+        if let Polish::Lexicographic { levels } = settings.polish
+            && end == PhaseEnd::Converged
+            && minimax::next_levels(&assembly, fixed, &mut image, levels, settings.tolerance, &mut recorder)?
+                == PhaseEnd::Interrupted
+        {
+            stop = recorder.interruption();
         }
     }
     Ok(Outcome { positions: image, stop, kkt, trace: recorder.rows })

@@ -13,12 +13,10 @@ pub(super) struct Region {
     pub domain: Domain,
     /// For each vertex of the region, whether it stays where it is: at the region's rim, or because it is fixed.
     pub fixed: Vec<bool>,
-    /// For each vertex of the region, whether it is fixed in the whole mesh.
-    pub truly_fixed: Vec<bool>,
 }
 
 impl Region {
-    /// The free vertices of tets with ln K above `share` of the largest one, and those up to `rings` tets away; all where
+    /// The free vertices of tets with ln K above `share` of the largest one of all tets with a free vertex, and those up to `rings` tets away; all where
     /// these are more than half. `None` if they are more than `most`, or a tet is flipped.
     pub(super) fn of_large_dilatation(
         assembly: &Assembly<'_>,
@@ -28,7 +26,7 @@ impl Region {
         rings: usize,
         most: usize,
     ) -> Option<Self> {
-        let values = assembly.log_dilatations(image)?;
+        let values = changeable(assembly, fixed, image)?;
         let threshold = share * values.iter().copied().fold(0.0, f64::max);
         Self::around(assembly.domain(), fixed, &|t| values[t] >= threshold, rings, most)
     }
@@ -74,7 +72,6 @@ impl Region {
         Some(Self {
             domain: Domain::any_topology(mesh).expect("triangles of a valid mesh"),
             fixed: vertices.iter().map(|&v| !free(VertexId(v))).collect(),
-            truly_fixed: vertices.iter().map(|&v| fixed[v as usize]).collect(),
             part: Part { vertices, tets: chosen.into_iter().map(TetId).collect() },
         })
     }
@@ -91,8 +88,20 @@ impl Region {
         }
     }
 
-    /// Whether nothing of the whole mesh but its fixed vertices is held in place.
-    pub(super) fn is_whole(&self, tets: usize) -> bool {
-        self.part.tets.len() == tets && self.fixed == self.truly_fixed
+    /// Whether all free vertices of the whole mesh, of which there are `free`, are free in the region.
+    pub(super) fn is_whole(&self, free: usize) -> bool {
+        self.fixed.iter().filter(|&&fixed| !fixed).count() == free
     }
+}
+
+/// ln K of every tet with a free vertex, 0 for the others, which nothing can change; `None` if a tet is flipped.
+pub(super) fn changeable(assembly: &Assembly<'_>, fixed: &[bool], image: &[Vec3]) -> Option<Vec<f64>> {
+    let tets = assembly.domain().mesh().tets();
+    let mut values = assembly.log_dilatations(image)?;
+    for (value, tet) in values.iter_mut().zip(tets) {
+        if tet.iter().all(|v| fixed[v.index()]) {
+            *value = 0.0;
+        }
+    }
+    Some(values)
 }

@@ -70,7 +70,7 @@ pub fn untangle(
     }
     let flipped: HashSet<usize> = best.resisting.iter().map(|tet| tet.index()).collect();
     let near = Region::around(domain, fixed, &|t| flipped.contains(&t), RINGS, usize::MAX);
-    if let Some(near) = near.filter(|near| !near.is_whole(domain.mesh().tets().len())) {
+    if let Some(near) = near.filter(|near| !near.is_whole(fixed.iter().filter(|&&fixed| !fixed).count())) {
         let part = attempt(&near.domain, &near.restrict(start), &near.fixed, settings, observe)?;
         near.extend(&part.positions, &mut best.positions);
         best.resisting = part.resisting.iter().map(|tet| near.part.tets[tet.index()]).collect();
