@@ -8,7 +8,7 @@ mod output;
 mod progress;
 mod sweep;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Args, CommandFactory, Parser, Subcommand};
@@ -19,8 +19,8 @@ use crate::config::{ConfigError, Plan, schema};
 use crate::experiment::{self, RunError};
 use crate::mesh::io::{ReadError, WriteError, check_folder_is_writable};
 use crate::optimize::StopReason;
-use crate::report::{summary, time_line, write_results};
-use output::{print, show_error};
+use crate::report::{PageError, summary, time_line, write_pages, write_results};
+use output::{note, print, show_error};
 use progress::Progress;
 
 /// Ball parameterizations of star-shaped solids with low quasi-conformal dilatation.
@@ -45,6 +45,11 @@ enum Command {
     Sweep(sweep::SweepArguments),
     /// Optimize every mesh of a folder and write a table of the results, beside those of other programs.
     Bench(bench::BenchArguments),
+    /// Make report.html and the pictures of a results folder anew from its other files.
+    Report {
+        /// The folder of a run or of a sweep.
+        folder: PathBuf,
+    },
     /// Print the JSON schema of config files, which describes every key.
     Schema,
     /// Print a completion script for a shell.
@@ -102,6 +107,8 @@ pub(crate) enum Failure {
     Read(#[from] ReadError),
     #[error(transparent)]
     Write(#[from] WriteError),
+    #[error(transparent)]
+    Page(#[from] PageError),
     #[error("{} is read and would be written over; name another file for the result", path.display())]
     OverInput { path: PathBuf },
     /// Standard output is closed or full; the reader of a closed pipe wants no more.
@@ -121,6 +128,7 @@ pub fn main() -> ExitCode {
         Command::Optimize(arguments) => optimize::optimize(&arguments),
         Command::Sweep(arguments) => sweep::sweep(&arguments),
         Command::Bench(arguments) => bench::bench(&arguments),
+        Command::Report { folder } => report(&folder),
         Command::Schema => print(&(schema() + "\n")),
         Command::Completions { shell } => completions(shell),
     };
@@ -143,6 +151,19 @@ fn completions(shell: Shell) -> Result<Ending, Failure> {
     print(&String::from_utf8_lossy(&script))
 }
 
+fn report(folder: &Path) -> Result<Ending, Failure> {
+    print(&format!("{}\n", write_pages(folder)?.display()))
+}
+
+/// Makes the page of results that are written; if it cannot be made, says so.
+fn pages_are_written(folder: &Path) -> bool {
+    let written = write_pages(folder);
+    if let Err(error) = &written {
+        note(&format!("error: {error}; the results are whole, and `qcball report {}` makes the page", folder.display()));
+    }
+    written.is_ok()
+}
+
 fn run(arguments: &RunArguments) -> Result<Ending, Failure> {
     let mut overrides = arguments.set.clone();
     if arguments.keep_mesh {
@@ -161,6 +182,7 @@ fn run(arguments: &RunArguments) -> Result<Ending, Failure> {
     progress.finish();
     let finished = finished?;
     write_results(&folder, &finished.report, &finished.record())?;
+    let page = pages_are_written(&folder);
     if arguments.json {
         print(&finished.report.to_json())?;
     } else if !arguments.quiet {
@@ -169,7 +191,7 @@ fn run(arguments: &RunArguments) -> Result<Ending, Failure> {
     }
     Ok(match &finished.report {
         report if report.stop == StopReason::Cancelled => Ending::Interrupted,
-        report if report.bijective => Ending::Done,
+        report if report.bijective && page => Ending::Done,
         _ => Ending::Unfulfilled,
     })
 }

@@ -1,12 +1,14 @@
 //! The record of a run, and the files and the summary that are views of it.
 
 mod figures;
+mod html;
 mod machine;
 mod map_report;
 mod results;
 mod summary;
 
 pub use figures::{BestBound, DomainFigures, Splits, UntanglingFigures};
+pub use html::{PageError, write_pages};
 pub use map_report::MapReport;
 pub use results::{MapRecord, write_results, write_trace};
 pub(crate) use summary::{bounds_table, dilatations};
