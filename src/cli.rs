@@ -159,7 +159,10 @@ fn report(folder: &Path) -> Result<Ending, Failure> {
 fn pages_are_written(folder: &Path) -> bool {
     let written = write_pages(folder);
     if let Err(error) = &written {
-        note(&format!("error: {error}; the results are whole, and `qcball report {}` makes the page", folder.display()));
+        note(&format!(
+            "error: {error}; the results are whole, and `qcball report {}` makes the page",
+            folder.display()
+        ));
     }
     written.is_ok()
 }

@@ -111,7 +111,7 @@ impl Chart {
         let mut plot = Plot::new();
         self.series.iter().for_each(|series| plot.add_trace(series.for_plotly()));
         let layout = Layout::new().x_axis(self.x.for_plotly()).y_axis(self.y.for_plotly());
-        plot.set_layout(layout.show_legend(true).margin(Margin::new().left(60).right(16).top(16).bottom(48)));
+        plot.set_layout(layout.show_legend(true).margin(Margin::new().left(60).right(16).top(40).bottom(48)));
         plot.to_json()
     }
 }

@@ -7,12 +7,12 @@ const drawn = [];
 
 function colours() {
   const style = getComputedStyle(root);
-  const [text, line] = ["--text", "--line"].map((name) => style.getPropertyValue(name).trim());
-  return { text, line };
+  const [text, line, dim] = ["--text", "--line", "--dim"].map((name) => style.getPropertyValue(name).trim());
+  return { text, line, tools: { bgcolor: "rgba(0,0,0,0)", color: dim, activecolor: text } };
 }
 
 function themed(layout) {
-  const { text, line } = colours();
+  const { text, line, tools } = colours();
   const axis = { gridcolor: line, linecolor: line, zerolinecolor: line };
   return {
     ...layout,
@@ -21,6 +21,7 @@ function themed(layout) {
     font: { color: text, family: "system-ui, sans-serif" },
     xaxis: { ...layout.xaxis, ...axis },
     yaxis: { ...layout.yaxis, ...axis },
+    modebar: tools,
     legend: { bgcolor: "rgba(0,0,0,0)", orientation: "h", y: 1.02, yanchor: "bottom" },
   };
 }
@@ -37,7 +38,8 @@ document.getElementById("theme").addEventListener("click", () => setTheme(root.d
 
 function drawCharts() {
   for (const [id, { data, layout }] of Object.entries(charts)) {
-    const draw = () => Plotly.react(id, data, themed(layout), settings);
+    const small = document.getElementById(id).closest(".multiples") !== null;
+    const draw = () => Plotly.react(id, data, themed(layout), { ...settings, displayModeBar: !small });
     drawn.push(draw);
     draw();
   }

@@ -8,9 +8,6 @@ mod surfaces;
 mod svg;
 mod sweep;
 
-#[cfg(test)]
-mod tests;
-
 use std::path::{Path, PathBuf};
 
 use crate::mesh::io::{ReadError, WriteError};

@@ -60,7 +60,10 @@ pub(super) fn page(folder: &Path) -> Result<Page, PageError> {
                 None => paragraph("The boundary is too large for a page; open domain.vtu and image.vtu in ParaView."),
             },
         ),
-        ("Dilatations before and after".into(), format!("<div class=\"pair\">{}{}</div>\n", chart(&charts[0]), chart(&charts[1]))),
+        (
+            "Dilatations before and after".into(),
+            format!("<div class=\"pair\">{}{}</div>\n", chart(&charts[0]), chart(&charts[1])),
+        ),
         ("Convergence".into(), chart(&charts[2])),
         ("Bounds".into(), chart(&charts[3]) + &bounds_table(&report)),
     ];
@@ -102,7 +105,8 @@ fn in_short(report: &Value, summary: &str) -> String {
     );
     if report["best_bound"].is_number() {
         words += &format!(" It is proved that no map of this mesh with this boundary has a largest K below {bound}");
-        words += &if report["gap"].is_number() { format!(": the map is within a factor of {gap}.") } else { ".".into() };
+        words +=
+            &if report["gap"].is_number() { format!(": the map is within a factor of {gap}.") } else { ".".into() };
     }
     let mut html = format!("<dl class=\"cards\">{cards}</dl>\n{}", paragraph(&words));
     let reason = report["bijective_reason"].as_str().unwrap_or_default();
@@ -117,7 +121,10 @@ fn in_short(report: &Value, summary: &str) -> String {
         html += &format!("<p class=\"warning\">Warning: {}</p>\n", text(warning));
     }
     if !summary.is_empty() {
-        html += &format!("<details><summary>The whole summary</summary><pre tabindex=\"0\">{}</pre></details>\n", text(summary));
+        html += &format!(
+            "<details><summary>The whole summary</summary><pre tabindex=\"0\">{}</pre></details>\n",
+            text(summary)
+        );
     }
     let config = report["config_text"].as_str().unwrap_or_default();
     html + &format!(
@@ -296,7 +303,8 @@ fn ladder(report: &Value) -> Chart {
         let hover = format!("{name}: {of} >= {value:.4}<br>{scope}<br>{reason}<br>{source}");
         rungs.push((kind, value, format!("{name} {of}"), hover));
     }
-    let maps = [(3, "/final/max_k", "final map"), (4, "/initial/max_k", "start"), (4, "/radial_smooth_k", "radial, smooth")];
+    let maps =
+        [(3, "/final/max_k", "final map"), (4, "/initial/max_k", "start"), (4, "/radial_smooth_k", "radial, smooth")];
     for (kind, pointer, name) in maps {
         if let Some(value) = report.pointer(pointer).and_then(Value::as_f64) {
             rungs.push((kind, value, name.into(), format!("{name}: largest K {value:.4}")));

@@ -102,12 +102,11 @@ pub(super) fn surfaces(mesh: &TetMesh, boundary: &Boundary, image: &[Vec3], valu
     let mut seen = Seen::default();
     let boundary = seen.pack(&outside(mesh, boundary, image), &frames);
     let cuts = cuts.map(|cuts| {
-        let pack = |(level, triangles): &(f64, Triangles)| Cut { level: *level, surface: seen.pack(triangles, &frames) };
+        let pack =
+            |(level, triangles): &(f64, Triangles)| Cut { level: *level, surface: seen.pack(triangles, &frames) };
         cuts.iter().map(pack).collect()
     });
-    let single = |column: &[f64]| {
-        packed(seen.tets.iter().flat_map(|&tet| (column[tet as usize] as f32).to_le_bytes()))
-    };
+    let single = |column: &[f64]| packed(seen.tets.iter().flat_map(|&tet| (column[tet as usize] as f32).to_le_bytes()));
     let cells = Cells {
         tet: packed(seen.tets.iter().flat_map(|tet| tet.to_le_bytes())),
         inner: single(&values.inner),
@@ -144,7 +143,8 @@ struct Seen {
 
 impl Seen {
     fn pack(&mut self, triangles: &Triangles, frames: &[Frame; 2]) -> Surface {
-        let points = triangles.points.iter().flat_map(|[domain, image]| [frames[0].steps(domain), frames[1].steps(image)]);
+        let points =
+            triangles.points.iter().flat_map(|[domain, image]| [frames[0].steps(domain), frames[1].steps(image)]);
         let cells: Vec<u32> = triangles.tets.iter().map(|&tet| self.number(tet)).collect();
         Surface {
             points: packed(points.flatten().flat_map(u16::to_le_bytes)),

@@ -62,7 +62,11 @@ impl Scale {
         }
         let x = if self.logarithmic { x.exp() } else { x };
         // Ticks have two digits at most.
-        if x != 0.0 && !(1e-3..1e5).contains(&x.abs()) { format!("{x:.0e}") } else { ((x * 1e6).round() / 1e6).to_string() }
+        if x != 0.0 && !(1e-3..1e5).contains(&x.abs()) {
+            format!("{x:.0e}")
+        } else {
+            ((x * 1e6).round() / 1e6).to_string()
+        }
     }
 }
 
@@ -97,7 +101,9 @@ fn linear_ticks(range: &Range<f64>) -> Vec<f64> {
 fn logarithmic_ticks(range: &Range<f64>) -> Vec<f64> {
     let decades = (range.end - range.start) / std::f64::consts::LN_10;
     let steps: &[f64] = match decades {
-        d if d < 0.3 => &[1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 1.6, 1.7, 1.8, 1.9, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0],
+        d if d < 0.3 => {
+            &[1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 1.6, 1.7, 1.8, 1.9, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]
+        }
         d if d < 1.2 => &[1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0],
         d if d < 3.0 => &[1.0, 2.0, 5.0],
         _ => &[1.0],

@@ -10,6 +10,8 @@ use super::{PageError, read_text};
 
 /// The columns that a table starts with; the settings follow, then the results.
 const FIRST: [&str; 3] = ["case", "id", "status"];
+/// The results that the others follow.
+const FOREMOST: [&str; 6] = ["max_k", "mean_k", "best_bound", "gap", "bijective", "initial_max_k"];
 
 /// The index of a sweep.
 struct Index {
@@ -31,7 +33,8 @@ impl Index {
         let is_setting = |name: &String| cases.iter().any(|case| case["settings"].get(name).is_some());
         let (settings, results) = columns.into_iter().partition(is_setting);
         let is_result = |name: &String| !FIRST.contains(&name.as_str()) && name != "error";
-        let results: Vec<String> = Vec::into_iter(results).filter(is_result).collect();
+        let mut results: Vec<String> = Vec::into_iter(results).filter(is_result).collect();
+        results.sort_by_key(|name| FOREMOST.iter().position(|first| first == name).unwrap_or(FOREMOST.len()));
         Ok(Self { cases, settings, results })
     }
 

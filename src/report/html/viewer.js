@@ -70,7 +70,7 @@ async function startViewer() {
   const k = inner.map((value, cell) => Math.max(value, outer[cell]));
   const boundary = await unpackSurface(surfaces.boundary, surfaces.frames);
   const unpacked = new Map();
-  const home = { eye: { x: 1.1, y: -1.35, z: 1.05 }, up: { x: 0, y: 0, z: 1 }, center: { x: 0, y: 0, z: 0 } };
+  const home = { eye: { x: 1.2, y: -1.45, z: 1.2 }, up: { x: 0, y: 0, z: 1 }, center: { x: 0, y: 0, z: 0 } };
   let camera = home;
   let shown = boundary;
 
@@ -162,7 +162,7 @@ async function startViewer() {
     const scene = { xaxis: hidden, yaxis: hidden, zaxis: hidden, aspectmode: "data", camera, dragmode: "orbit" };
     return {
       scene: { ...scene, domain: { x: [0, 0.48], y: [0, 1] } }, scene2: { ...scene, domain: { x: [0.48, 0.96], y: [0, 1] } },
-      margin: { l: 0, r: 0, t: 0, b: 0 }, paper_bgcolor: "rgba(0,0,0,0)", font: { color: colours().text },
+      margin: { l: 0, r: 0, t: 0, b: 0 }, paper_bgcolor: "rgba(0,0,0,0)", font: { color: colours().text }, modebar: colours().tools,
       hoverlabel: { align: "left" }, showlegend: false,
     };
   }
