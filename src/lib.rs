@@ -234,7 +234,7 @@
 //! | [`mod@optimize`] | continuation, Newton, L-BFGS, minimax, untangling |
 //! | [`bound`] | lower bounds, a theorem a file |
 //! | [`config`] | the config as typed and the plan it means |
-//! | [`report`] | the record of a run, its files and its summary |
+//! | [`report`] | the record of a run, its files, its summary and its page; the page of a sweep |
 //! | [`experiment`] | one run from plan to report; the optimisation of a given map |
 //! | [`mod@bench`] | a folder of meshes optimised one by one, beside the figures of other programs |
 //! | [`sweep`] | many runs from one config, resumed and shared out, and the index over them |

@@ -1,4 +1,4 @@
-//! The record of a run, and the files and the summary that are views of it.
+//! The record of a run, and the files, the summary and the page that are views of it.
 
 mod figures;
 mod html;

@@ -174,3 +174,39 @@ fn rgb(series: &Series) -> RGBColor {
     let [_, red, green, blue] = digits.to_be_bytes();
     RGBColor(red, green, blue)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_range_has_a_few_round_ticks_within_it() {
+        for (low, high) in [(0.0, 1e-3), (0.0, 7.2), (-3.0, 55.0), (0.0, 1e6)] {
+            let ticks = linear_ticks(&(low..high));
+            // The step is at least a fifth of the range and less than 2.5 times that.
+            assert!(
+                (2..=6).contains(&ticks.len()) && ticks.iter().all(|tick| (low..=high).contains(tick)),
+                "{ticks:?}"
+            );
+        }
+        for (low, high) in [(1.0f64, 1.9f64), (1.0, 6.0), (0.9, 100.0), (1.0, 1e7)] {
+            let ticks = logarithmic_ticks(&(low.ln()..high.ln() + 1e-9));
+            assert!((3..=19).contains(&ticks.len()), "{low} to {high}: {ticks:?}");
+        }
+    }
+
+    #[test]
+    fn charts_without_points_and_with_infinities_are_drawn() {
+        let series = |points| Series::new("K", 0, Style::Line, points);
+        for points in [vec![], vec![[1.0, f64::INFINITY]], vec![[1.0, 2.0], [2.0, f64::INFINITY], [3.0, 4.0]]] {
+            for axis in [Axis::linear("x"), Axis { logarithmic: true, ..Axis::linear("x") }] {
+                let (x, y, id, title) = (axis.clone(), axis, "a".into(), "a < b".into());
+                let picture = svg(&Chart { id, title, x, y, series: vec![series(points.clone())] }).unwrap();
+                assert!(
+                    picture.starts_with("<svg") && picture.trim_end().ends_with("</svg>") && !picture.contains("NaN")
+                );
+                assert!(picture.contains("a &lt; b"));
+            }
+        }
+    }
+}

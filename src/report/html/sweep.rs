@@ -217,3 +217,24 @@ fn table(index: &Index) -> String {
          aria-label=\"Table of the cases\"><table id=\"cases\"><thead><tr>{head}</tr></thead><tbody>\n{rows}</tbody></table></div>\n"
     )
 }
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn the_front_is_what_no_other_case_beats() {
+        let case =
+            |number: u32, max: f64, mean: f64| json!({ "case": number, "results": { "max_k": max, "mean_k": mean } });
+        let mut cases =
+            vec![case(1, 5.0, 2.0), case(2, 4.0, 3.0), case(3, 4.0, 2.5), case(4, 6.0, 2.0), case(5, 9.0, 1.5)];
+        // A flipped map has no finite K, a failed case no results.
+        cases.push(json!({ "case": 6, "results": { "max_k": null, "mean_k": null } }));
+        cases.push(json!({ "case": 7, "results": null, "status": "failed" }));
+        let index = Index { cases, settings: vec![], results: vec![] };
+        let numbers: Vec<u64> = front(&index).iter().map(|(case, _)| case["case"].as_u64().unwrap()).collect();
+        assert_eq!(numbers, [3, 1, 5]);
+    }
+}
