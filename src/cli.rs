@@ -10,7 +10,7 @@ mod progress;
 mod sweep;
 mod verify;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Args, CommandFactory, Parser, Subcommand};
@@ -22,9 +22,9 @@ use crate::config::{AnalyticPlan, ConfigError, Plan, schema};
 use crate::experiment::{self, RunError};
 use crate::mesh::io::{ReadError, WriteError, check_folder_is_writable};
 use crate::optimize::StopReason;
-use crate::report::{summary, time_line, write_results};
+use crate::report::{PageError, summary, time_line, write_pages, write_results};
 use crate::verify::VerifyError;
-use output::{print, show_error};
+use output::{note, print, show_error};
 use progress::Progress;
 
 /// Ball parameterizations of star-shaped solids with low quasi-conformal dilatation.
@@ -53,6 +53,11 @@ enum Command {
     Map(map::MapArguments),
     /// Optimize every mesh of a folder and write a table of the results, beside those of other programs.
     Bench(bench::BenchArguments),
+    /// Make report.html and the pictures of a results folder anew from its other files.
+    Report {
+        /// The folder of a run or of a sweep.
+        folder: PathBuf,
+    },
     /// Print the JSON schema of config files, which describes every key.
     Schema,
     /// Print a completion script for a shell.
@@ -118,6 +123,7 @@ pub(crate) enum Failure {
     NoSuchOption { path: PathBuf },
     #[error(transparent)]
     Map(#[from] map::MapFailure),
+    Page(#[from] PageError),
     #[error("{} is read and would be written over; name another file for the result", path.display())]
     OverInput { path: PathBuf },
     /// Standard output is closed or full; the reader of a closed pipe wants no more.
@@ -139,6 +145,7 @@ pub fn main() -> ExitCode {
         Command::Verify(arguments) => verify::verify_folder(&arguments),
         Command::Map(arguments) => map::map(&arguments),
         Command::Bench(arguments) => bench::bench(&arguments),
+        Command::Report { folder } => report(&folder),
         Command::Schema => print(&(schema() + "\n")),
         Command::Completions { shell } => completions(shell),
     };
@@ -171,6 +178,20 @@ fn run_comparison(arguments: &RunArguments, plan: &AnalyticPlan) -> Result<Endin
     let rows = experiment::on_threads(usize::from(arguments.threads.unwrap_or(0)), || comparison::compare(plan))??;
     comparison::write_tables(&folder, plan, &rows)?;
     if arguments.quiet { Ok(Ending::Done) } else { print(&comparison::table(plan, &rows)) }
+fn report(folder: &Path) -> Result<Ending, Failure> {
+    print(&format!("{}\n", write_pages(folder)?.display()))
+}
+
+/// Makes the page of results that are written; if it cannot be made, says so.
+fn pages_are_written(folder: &Path) -> bool {
+    let written = write_pages(folder);
+    if let Err(error) = &written {
+        note(&format!(
+            "error: {error}; the results are whole, and `qcball report {}` makes the page",
+            folder.display()
+        ));
+    }
+    written.is_ok()
 }
 
 fn run(arguments: &RunArguments) -> Result<Ending, Failure> {
@@ -194,6 +215,7 @@ fn run(arguments: &RunArguments) -> Result<Ending, Failure> {
     progress.finish();
     let finished = finished?;
     write_results(&folder, &finished.report, &finished.record())?;
+    let page = pages_are_written(&folder);
     if arguments.json {
         print(&finished.report.to_json())?;
     } else if !arguments.quiet {
@@ -202,7 +224,7 @@ fn run(arguments: &RunArguments) -> Result<Ending, Failure> {
     }
     Ok(match &finished.report {
         report if report.stop == StopReason::Cancelled => Ending::Interrupted,
-        report if report.bijective => Ending::Done,
+        report if report.bijective && page => Ending::Done,
         _ => Ending::Unfulfilled,
     })
 }

@@ -238,7 +238,7 @@
 //! | [`bound`] | lower bounds, a theorem a file |
 //! | [`config`] | the config as typed and the plan it means |
 //! | [`comparison`] | maps of known dilatation on several meshes: published, estimated and exact values |
-//! | [`report`] | the record of a run, its files and its summary |
+//! | [`report`] | the record of a run, its files, its summary and its page; the page of a sweep |
 //! | [`experiment`] | one run from plan to report; the optimisation of a given map |
 //! | [`mod@verify`] | a results folder checked against itself, from its files alone |
 //! | [`mod@bench`] | a folder of meshes optimised one by one, beside the figures of other programs |

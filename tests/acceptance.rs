@@ -76,15 +76,19 @@ fn results_are_the_same_to_the_bit_for_1_2_and_4_threads() {
         let results = |threads: &str| -> Vec<(PathBuf, String)> {
             let out = tempfile::tempdir().unwrap();
             run(config, &[arguments, &["--threads", threads]].concat(), out.path());
-            let mut files: Vec<PathBuf> =
-                fs::read_dir(out.path()).unwrap().map(|entry| entry.unwrap().path()).collect();
+            let list = |folder: &Path| fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+            let mut files: Vec<PathBuf> = list(out.path()).chain(list(&out.path().join("plots"))).collect();
+            files.retain(|path| path.is_file());
             files.sort();
             files.iter().map(|path| (path.file_name().unwrap().into(), timeless(path))).collect()
         };
         let alone = results("1");
         let names: Vec<&Path> = alone.iter().map(|(name, _)| name.as_path()).collect();
-        let expected = ["cells.csv", "domain.vtu", "image.vtu", "report.json", "summary.txt", "trace.csv"];
-        assert_eq!(names, expected.map(Path::new));
+        let tables = ["cells.csv", "domain.vtu", "image.vtu"];
+        let plots = ["bounds.svg", "cumulative.svg", "histogram.svg", "trace.svg"];
+        let expected = [&tables[..], &plots, &["report.html", "report.json", "summary.txt", "trace.csv"]].concat();
+        let expected: Vec<&Path> = expected.into_iter().map(Path::new).collect();
+        assert_eq!(names, expected);
         for threads in ["2", "4"] {
             for ((name, one), (_, many)) in alone.iter().zip(results(threads)) {
                 assert!(*one == many, "{config}: {} differs between 1 and {threads} threads", name.display());

@@ -9,7 +9,7 @@ use clap::{Args, ValueEnum};
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::output::{note, print};
-use super::{Ending, Failure, interrupt};
+use super::{Ending, Failure, interrupt, pages_are_written};
 use crate::experiment;
 use crate::mesh::io::WriteError;
 use crate::report::Report;
@@ -123,7 +123,9 @@ fn end(arguments: &SweepArguments, tally: Tally, folder: &SweepFolder, index: Op
         (tally.not_bijective, "not known to be bijective"),
         (tally.cases - tally.done - tally.failed, "not done"),
     ];
-    let all = unfulfilled.iter().all(|&(count, _)| count == 0);
+    // Without an index there is nothing to show yet.
+    let page = index.is_none() || pages_are_written(folder.path());
+    let all = unfulfilled.iter().all(|&(count, _)| count == 0) && page;
     if !arguments.quiet {
         let mut words = format!("{} of {} cases done", tally.done, tally.cases);
         for (count, what) in unfulfilled.into_iter().filter(|&(count, _)| count > 0) {

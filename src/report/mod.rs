@@ -1,7 +1,8 @@
-//! The record of a run, and the files and the summary that are views of it.
+//! The record of a run, and the files, the summary and the page that are views of it.
 
 mod figures;
 mod limit;
+mod html;
 mod machine;
 mod map_report;
 mod results;
@@ -9,6 +10,7 @@ mod summary;
 
 pub use figures::{BestBound, DomainFigures, Splits, UntanglingFigures};
 pub use limit::{Limit, LimitedBy};
+pub use html::{PageError, write_pages};
 pub use map_report::MapReport;
 pub(crate) use results::CellRow;
 pub use results::{MapRecord, write_certificate, write_results, write_trace};

@@ -1,0 +1,46 @@
+// Draws the charts and follows the theme.
+const charts = JSON.parse(document.getElementById("charts").textContent);
+const root = document.documentElement;
+const dark = matchMedia("(prefers-color-scheme: dark)");
+const settings = { responsive: true, displaylogo: false };
+const drawn = [];
+
+function colours() {
+  const style = getComputedStyle(root);
+  const [text, line, dim] = ["--text", "--line", "--dim"].map((name) => style.getPropertyValue(name).trim());
+  return { text, line, tools: { bgcolor: "rgba(0,0,0,0)", color: dim, activecolor: text } };
+}
+
+function themed(layout) {
+  const { text, line, tools } = colours();
+  const axis = { gridcolor: line, linecolor: line, zerolinecolor: line };
+  return {
+    ...layout,
+    paper_bgcolor: "rgba(0,0,0,0)",
+    plot_bgcolor: "rgba(0,0,0,0)",
+    font: { color: text, family: "system-ui, sans-serif" },
+    xaxis: { ...layout.xaxis, ...axis },
+    yaxis: { ...layout.yaxis, ...axis },
+    modebar: tools,
+    legend: { bgcolor: "rgba(0,0,0,0)", orientation: "h", y: 1.02, yanchor: "bottom" },
+  };
+}
+
+function setTheme(name) {
+  root.dataset.theme = name;
+  document.getElementById("theme").textContent = name === "dark" ? "Light theme" : "Dark theme";
+  drawn.forEach((draw) => draw());
+}
+
+setTheme(dark.matches ? "dark" : "light");
+dark.addEventListener("change", () => setTheme(dark.matches ? "dark" : "light"));
+document.getElementById("theme").addEventListener("click", () => setTheme(root.dataset.theme === "dark" ? "light" : "dark"));
+
+function drawCharts() {
+  for (const [id, { data, layout }] of Object.entries(charts)) {
+    const small = document.getElementById(id).closest(".multiples") !== null;
+    const draw = () => Plotly.react(id, data, themed(layout), { ...settings, displayModeBar: !small });
+    drawn.push(draw);
+    draw();
+  }
+}

@@ -1,0 +1,99 @@
+//! One page: the frame, styles and scripts around the parts that a run or a sweep shows.
+
+use std::path::Path;
+
+use plotly::Plot;
+use quick_xml::escape::escape;
+
+use super::chart::Chart;
+use crate::mesh::io::{WriteError, write_atomically};
+
+const STYLE: &str = include_str!("page.css");
+const CHARTS: &str = include_str!("charts.js");
+const VIEWER: &str = include_str!("viewer.js");
+const TABLE: &str = include_str!("table.js");
+
+/// A page in the making.
+#[derive(Debug, Default)]
+pub(super) struct Page {
+    pub(super) title: String,
+    /// Heading and HTML of each section.
+    pub(super) sections: Vec<(String, String)>,
+    pub(super) charts: Vec<Chart>,
+    /// JSON for the viewer.
+    pub(super) viewer: Option<String>,
+}
+
+/// Text as HTML.
+pub(super) fn text(text: &str) -> String {
+    escape(text).into_owned()
+}
+
+/// A paragraph of text.
+pub(super) fn paragraph(words: &str) -> String {
+    format!("<p>{}</p>\n", text(words))
+}
+
+/// The place of a chart; the script of the page draws it there.
+pub(super) fn chart(chart: &Chart) -> String {
+    format!(
+        "<figure><figcaption>{title}</figcaption><div class=\"chart\" id=\"{id}\" role=\"img\" aria-label=\"{title}\"></div>\
+         </figure>\n",
+        title = text(&chart.title),
+        id = text(&chart.id)
+    )
+}
+
+/// JSON in an element that no script tag in it can end.
+fn data(id: &str, json: &str) -> String {
+    format!("<script type=\"application/json\" id=\"{id}\">{}</script>\n", json.replace('<', "\\u003c"))
+}
+
+impl Page {
+    pub(super) fn write(&self, path: &Path) -> Result<(), WriteError> {
+        write_atomically(path, |file| {
+            writeln!(
+                file,
+                "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+                 <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+                 <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; \
+                 script-src 'unsafe-inline' 'unsafe-eval'; img-src data: blob:\">\n<title>{title}</title>\n\
+                 <link rel=\"icon\" href=\"data:,\">\n<style>\n{STYLE}</style>\n</head>\n<body>\n\
+                 <header><h1>{title}</h1><button type=\"button\" id=\"theme\">Dark or light</button></header>\n<main>",
+                title = text(&self.title)
+            )?;
+            for (heading, content) in &self.sections {
+                writeln!(file, "<section>\n<h2>{}</h2>\n{content}</section>", text(heading))?;
+            }
+            let charts: Vec<String> = self.charts.iter().map(Chart::for_plotly).collect();
+            let names: Vec<String> = self.charts.iter().map(|chart| serde_json::json!(chart.id).to_string()).collect();
+            let charts: Vec<String> = names.iter().zip(charts).map(|(name, chart)| format!("{name}:{chart}")).collect();
+            writeln!(file, "</main>\n{}", data("charts", &format!("{{{}}}", charts.join(","))))?;
+            if let Some(viewer) = &self.viewer {
+                writeln!(file, "{}", data("viewer-data", viewer))?;
+            }
+            writeln!(file, "{}", plotly_script())?;
+            writeln!(file, "<script type=\"module\">\n{CHARTS}\n{TABLE}\n{VIEWER}\n</script>\n</body>\n</html>")
+        })
+    }
+
+    /// The charts as `plots/ID.svg` in a folder.
+    pub(super) fn write_plots(&self, folder: &Path) -> Result<(), WriteError> {
+        for chart in &self.charts {
+            let path = folder.join("plots").join(format!("{}.svg", chart.id));
+            let picture = super::svg::svg(chart);
+            write_atomically(&path, |file| file.write_all(picture.map_err(std::io::Error::other)?.as_bytes()))?;
+        }
+        Ok(())
+    }
+}
+
+/// The script element of plotly.js. The crate gives that of MathJax after it, which is not needed: no label has formulas.
+fn plotly_script() -> String {
+    const END: &str = "</script>";
+    let mut sources = Plot::offline_js_sources();
+    if let Some(end) = sources.find(END) {
+        sources.truncate(end + END.len());
+    }
+    sources
+}

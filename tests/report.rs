@@ -1,0 +1,330 @@
+//! `report.html` through the program, and in a real browser where there is one.
+//!
+//! The browser is `QCBALL_BROWSER`, or Chromium on the PATH; with `QCBALL_BROWSER_REQUIRED` set its absence is a failure.
+
+use std::collections::HashSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use assert_cmd::cargo::cargo_bin;
+use serde_json::Value;
+
+/// Runs the program in the crate's folder; its exit code and what it said.
+fn qcball(arguments: &[&str]) -> (Option<i32>, String) {
+    let output = Command::new(cargo_bin!("qcball")).args(arguments).stdin(Stdio::null()).output().unwrap();
+    let text = [&output.stdout[..], &output.stderr].concat();
+    (output.status.code(), String::from_utf8_lossy(&text).into_owned())
+}
+
+/// A run of a small cube, or of a larger one, in a folder of its own.
+fn run(folder: &Path, subdivisions: u32, layers: u32, iterations: u32) -> PathBuf {
+    let out = folder.join("cube");
+    let set = [
+        format!("mesh.subdivisions={subdivisions}"),
+        format!("mesh.layers={layers}"),
+        format!("optimize.max_iterations={iterations}"),
+    ];
+    let mut arguments = vec!["run", "configs/cube.toml", "--quiet", "--out", out.to_str().unwrap()];
+    set.iter().for_each(|assignment| arguments.extend(["--set", assignment]));
+    assert_eq!(qcball(&arguments).0, Some(0));
+    out
+}
+
+/// A sweep of six cases in a folder of its own.
+fn sweep(folder: &Path) -> PathBuf {
+    let (config, out) = (folder.join("a.toml"), folder.join("sweep"));
+    let text = "[domain]\nsolid = \"cube\"\n[mesh]\nlayers = 3\n[optimize]\nobjective = \"soft-max\"\nexponent = 4\n\
+                [sweep.grid]\n\"domain.solid\" = [\"cube\", \"octahedron\", \"icosahedron\"]\n\"map.exponent\" = [1, 2]\n";
+    fs::write(&config, text).unwrap();
+    let arguments = ["sweep", config.to_str().unwrap(), "--quiet", "--out", out.to_str().unwrap()];
+    assert_eq!(qcball(&arguments).0, Some(0));
+    out
+}
+
+/// The page and the pictures of a folder, by name.
+fn pages(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
+    let mut paths = vec![folder.join("report.html")];
+    paths.extend(fs::read_dir(folder.join("plots")).unwrap().map(|entry| entry.unwrap().path()));
+    paths.sort();
+    paths.into_iter().map(|path| (path.clone(), fs::read(path).unwrap())).collect()
+}
+
+#[test]
+fn pages_are_remade_to_the_bit_from_the_other_files() {
+    let folder = tempfile::tempdir().unwrap();
+    for (made, pictures) in [(run(folder.path(), 1, 3, 20), 4), (sweep(folder.path()), 3)] {
+        let before = pages(&made);
+        assert_eq!(before.len(), 1 + pictures);
+        before.iter().for_each(|(path, _)| fs::remove_file(path).unwrap());
+        let (code, said) = qcball(&["report", made.to_str().unwrap()]);
+        assert_eq!((code, said.trim_end()), (Some(0), made.join("report.html").to_str().unwrap()));
+        assert!(pages(&made) == before, "{}", made.display());
+        // Nothing is fetched: the one address that a browser would follow by itself is the empty icon.
+        let page = String::from_utf8(before.iter().find(|(path, _)| path.ends_with("report.html")).unwrap().1.clone());
+        let page = page.unwrap();
+        assert!(!page.contains("<script src") && !page.contains("<img") && page.contains("default-src 'none'"));
+    }
+}
+
+#[test]
+fn folders_and_files_that_are_no_results_are_named_with_exit_code_2() {
+    let folder = tempfile::tempdir().unwrap();
+    let report = |path: &Path| qcball(&["report", path.to_str().unwrap()]);
+    for path in [folder.path().to_path_buf(), folder.path().join("not there")] {
+        let (code, said) = report(&path);
+        assert!(code == Some(2) && said.contains("holds no results") && said.contains("report.json"), "{said}");
+    }
+    let made = run(folder.path(), 1, 3, 5);
+    let good = |name: &str| fs::read_to_string(made.join(name)).unwrap();
+    // Keys and text that this version does not know: no script tag in them ends the page's data.
+    let json = good("report.json");
+    let strange = json.replacen('{', "{ \"limit\": \"</script><b>\", \"future\": [1],", 1);
+    fs::write(made.join("report.json"), strange).unwrap();
+    assert_eq!(report(&made).0, Some(0));
+    assert!(good("report.html").contains("&lt;/script&gt;&lt;b&gt;"));
+    let page = good("report.html");
+    let cut = |text: &str| text[..text.len() / 2].to_string();
+    for name in ["cells.csv", "trace.csv", "domain.vtu", "image.vtu", "report.json"] {
+        let whole = good(name);
+        fs::write(made.join(name), cut(&whole).replace("iteration", "iterations")).unwrap();
+        let (code, said) = report(&made);
+        assert!(code == Some(2) && said.contains(name), "{name}: {said}");
+        fs::write(made.join(name), whole).unwrap();
+    }
+    assert_eq!(good("report.html"), page, "a page that cannot be remade stays as it was");
+}
+
+/// The page of a mesh of 100,000 tets: the issue's limit is 15 MB.
+#[test]
+fn a_large_mesh_makes_a_page_below_15_megabytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let made = run(folder.path(), 8, 12, 1);
+    let record: Value = serde_json::from_slice(&fs::read(made.join("report.json")).unwrap()).unwrap();
+    assert!(record["domain"]["tets"].as_u64().unwrap() > 100_000);
+    let page = made.join("report.html");
+    assert!(fs::metadata(&page).unwrap().len() < 15_000_000);
+    if let Some(browser) = Browser::find() {
+        let seen = browser.open(&page, "").probe;
+        println!("100,000 tets: ready after {} ms", seen["ready"]);
+        assert_eq!(seen["errors"], serde_json::json!([]));
+    }
+}
+
+/// A headless browser.
+struct Browser(PathBuf);
+
+/// What came of opening a page.
+struct Seen {
+    /// What the probe noted, with `errors` of the page and `ready` in milliseconds.
+    probe: Value,
+    /// RGB of the page's top after the probe, row by row, and its width.
+    pixels: (Vec<[u8; 3]>, usize),
+}
+
+/// Runs before all else in the page: keeps what the console would show as an error.
+const KEEP_ERRORS: &str = "<script>window.errors = [];
+const keep = (what) => errors.push(String(what));
+addEventListener('error', (event) => keep(event.message));
+addEventListener('unhandledrejection', (event) => keep(event.reason));
+addEventListener('securitypolicyviolation', (event) => keep(`refused: ${event.blockedURI} ${event.violatedDirective}`));
+for (const kind of ['error', 'warn']) console[kind] = (...words) => keep(words.join(' '));
+</script>";
+
+impl Browser {
+    fn find() -> Option<Self> {
+        let named = std::env::var_os("QCBALL_BROWSER").map(PathBuf::from);
+        let path = std::env::var_os("PATH").unwrap_or_default();
+        let known = ["chromium", "chromium-browser", "google-chrome", "chrome"];
+        let on_path = || {
+            let mut places = std::env::split_paths(&path).flat_map(|folder| known.map(|name| folder.join(name)));
+            places.find(|place| place.is_file())
+        };
+        let found = named.or_else(on_path).map(Self);
+        if found.is_none() {
+            assert!(std::env::var_os("QCBALL_BROWSER_REQUIRED").is_none(), "no browser, but one is required");
+            println!("skipped: no Chromium on the PATH, and QCBALL_BROWSER names none");
+        }
+        found
+    }
+
+    /// Opens a copy of a page in which `script`, the body of an async function, notes what it sees in `seen`.
+    fn open(&self, page: &Path, script: &str) -> Seen {
+        let folder = tempfile::tempdir().unwrap();
+        let probe = format!(
+            "<script type=\"module\">const root = document.documentElement;
+            const seen = {{}};
+            const pause = () => new Promise((done) => setTimeout(done, 300));
+            while (!root.dataset.ready && !errors.length) await pause();
+            try {{ {script} }} catch (error) {{ errors.push(String(error)); }}
+            seen.errors = errors; seen.ready = Number(root.dataset.ready);
+            const note = document.createElement('pre'); note.id = 'probe'; note.hidden = true;
+            note.textContent = JSON.stringify(seen); document.body.append(note);</script></body>"
+        );
+        let text = fs::read_to_string(page).unwrap();
+        let (head, tail) = text.split_at(text.rfind("</body>").unwrap());
+        let head = head.replacen("<head>", &format!("<head>{KEEP_ERRORS}"), 1);
+        let copy = folder.path().join("page.html");
+        fs::write(&copy, head + &probe + &tail["</body>".len()..]).unwrap();
+        let picture = folder.path().join("picture.png");
+        let output = Command::new(&self.0)
+            .args(["--headless", "--no-sandbox", "--disable-dev-shm-usage", "--hide-scrollbars"])
+            .args(["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--window-size=1400,1300"])
+            .args(["--virtual-time-budget=120000", "--dump-dom"])
+            .arg(format!("--user-data-dir={}", folder.path().join("profile").display()))
+            .arg(format!("--screenshot={}", picture.display()))
+            .arg(format!("file://{}", copy.display()))
+            .stdin(Stdio::null())
+            .output()
+            .unwrap();
+        let page = String::from_utf8_lossy(&output.stdout);
+        let noted = page.rsplit_once("<pre id=\"probe\" hidden=\"\">").and_then(|(_, rest)| rest.split_once("</pre>"));
+        let noted = noted.unwrap_or_else(|| panic!("no probe: {}", String::from_utf8_lossy(&output.stderr))).0;
+        let noted = noted.replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&");
+        if let Some(keep) = std::env::var_os("QCBALL_KEEP_SCREENSHOTS") {
+            let name = format!("{}.png", std::thread::current().name().unwrap_or("page"));
+            fs::copy(&picture, Path::new(&keep).join(name)).unwrap();
+        }
+        Seen { probe: serde_json::from_str(&noted).unwrap(), pixels: pixels(&picture) }
+    }
+}
+
+fn pixels(picture: &Path) -> (Vec<[u8; 3]>, usize) {
+    let file = std::io::BufReader::new(fs::File::open(picture).unwrap());
+    let mut reader = png::Decoder::new(file).read_info().unwrap();
+    let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+    let info = reader.next_frame(&mut bytes).unwrap();
+    let samples = info.color_type.samples();
+    (bytes.chunks_exact(samples).map(|pixel| [pixel[0], pixel[1], pixel[2]]).collect(), info.width as usize)
+}
+
+/// Distinct colours, other than greys and near greys, within a rectangle.
+fn colours(seen: &Seen, rectangle: &Value) -> usize {
+    let [left, top, right, bottom] =
+        ["left", "top", "right", "bottom"].map(|side| rectangle[side].as_f64().unwrap() as usize);
+    let (pixels, width) = &seen.pixels;
+    let inside = pixels.chunks_exact(*width).take(bottom).skip(top).flat_map(|row| &row[left..right.min(*width)]);
+    let vivid = inside.filter(|pixel| pixel.iter().max().unwrap() - pixel.iter().min().unwrap() > 40);
+    vivid.collect::<HashSet<_>>().len()
+}
+
+#[test]
+fn the_viewer_draws_cuts_and_changes_colours_in_a_browser() {
+    let Some(browser) = Browser::find() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let page = run(folder.path(), 2, 4, 50).join("report.html");
+    let seen = browser.open(
+        &page,
+        "
+        const viewer = document.getElementById('viewer');
+        const set = async (id, change) => {
+          const control = document.getElementById(id);
+          change(control);
+          control.dispatchEvent(new Event('input'));
+          await pause();
+          return Plotly.toImage(viewer, { format: 'png', width: 600, height: 300 });
+        };
+        const eye = (scene) => viewer.layout[scene].camera.eye;
+        seen.middle = Number(viewer.dataset.triangles);
+        const middle = await set('level', () => {});
+        const low = await set('level', (level) => { level.value = 2; });
+        seen.low = Number(viewer.dataset.triangles);
+        seen.highest = Math.max(...viewer.data[0].i.map((corner) => viewer.data[0].z[corner]));
+        seen.at = document.getElementById('at').textContent;
+        const whole = await set('axis', (axis) => { axis.value = ''; });
+        seen.whole = Number(viewer.dataset.triangles);
+        await set('axis', (axis) => { axis.value = '0'; });
+        seen.cutsDiffer = new Set([middle, low, whole]).size;
+        const pictures = new Set();
+        for (const name of ['k', 'inner', 'outer', 'start', 'active', 'place']) {
+          pictures.add(await set('colour', (colour) => { colour.value = name; }));
+        }
+        seen.colourings = pictures.size;
+        seen.words = viewer.data[0].text[0];
+        const before = eye('scene').x;
+        document.querySelector('[data-turn=\"15 0\"]').click();
+        await pause();
+        seen.turned = eye('scene').x !== before && eye('scene').x === eye('scene2').x;
+        viewer.dispatchEvent(new KeyboardEvent('keydown', { key: '+' }));
+        await pause();
+        seen.linked = eye('scene').z === eye('scene2').z;
+        seen.theme = [root.dataset.theme];
+        document.getElementById('theme').click();
+        seen.theme.push(root.dataset.theme);
+        document.getElementById('theme').click();
+        const named = [...document.querySelectorAll('button, select, input')];
+        seen.unnamed = named.filter((one) => !one.textContent.trim() && !one.labels?.length).map((one) => one.id);
+        seen.charts = [...document.querySelectorAll('.chart')].map((one) => one.querySelectorAll('.trace').length);
+        seen.box = viewer.getBoundingClientRect().toJSON();
+        await pause();
+        ",
+    );
+    let probe = &seen.probe;
+    println!("ready after {} ms", probe["ready"]);
+    assert_eq!(probe["errors"], serde_json::json!([]), "{probe}");
+    // The cube's surface: 6 faces of 8 * 2^2 triangles.
+    assert_eq!(probe["whole"], 6 * 32, "{probe}");
+    // With a cut face in place of what is cut off: other triangles at each level.
+    let shown = ["whole", "middle", "low"].map(|name| probe[name].as_u64().unwrap());
+    assert!(shown[1] > 0 && shown[2] > 0 && HashSet::from(shown).len() == 3, "{probe}");
+    // The third of 15 planes across [-1, 1]; coordinates are stored in 65,535 steps of the extent 2.
+    assert_eq!(probe["at"], "z = -0.625");
+    assert!((probe["highest"].as_f64().unwrap() + 0.625).abs() < 2.0 / 65_535.0, "{probe}");
+    assert_eq!(probe["cutsDiffer"], 3, "{probe}");
+    assert_eq!(probe["colourings"], 6, "{probe}");
+    assert!(probe["words"].as_str().unwrap().contains("K_I"), "{probe}");
+    assert!(probe["turned"] == true && probe["linked"] == true, "{probe}");
+    assert!(probe["theme"][0] != probe["theme"][1], "{probe}");
+    assert_eq!(probe["unnamed"], serde_json::json!([]), "every control has a name");
+    assert!(probe["charts"].as_array().unwrap().iter().all(|traces| traces.as_u64().unwrap() > 0), "{probe}");
+    assert!(colours(&seen, &probe["box"]) > 50, "the viewer shows {} colours", colours(&seen, &probe["box"]));
+}
+
+#[test]
+fn the_table_of_a_sweep_sorts_and_filters_in_a_browser() {
+    let Some(browser) = Browser::find() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let page = sweep(folder.path()).join("report.html");
+    let seen = browser.open(
+        &page,
+        "
+        const table = document.getElementById('cases');
+        const heads = [...table.tHead.rows[0].cells];
+        const column = (name) => heads.findIndex((head) => head.textContent === name);
+        const read = (name) => [...table.tBodies[0].rows].filter((row) => !row.hidden).map((row) => row.cells[column(name)].textContent);
+        seen.rows = read('case');
+        const button = heads[column('max_k')].querySelector('button');
+        button.click();
+        seen.rising = read('max_k').map(Number);
+        seen.sort = heads[column('max_k')].getAttribute('aria-sort');
+        button.click();
+        seen.falling = read('max_k').map(Number);
+        heads[column('domain.solid')].querySelector('button').click();
+        seen.names = read('domain.solid');
+        const filter = document.getElementById('filter');
+        const show = (text) => { filter.value = text; filter.dispatchEvent(new Event('input')); };
+        show('cube map.exponent>1');
+        seen.filtered = read('domain.solid').concat(read('map.exponent'));
+        seen.shown = document.getElementById('shown').textContent;
+        show('');
+        seen.points = document.querySelectorAll('#max-mean .point').length;
+        seen.multiples = document.querySelectorAll('.multiples .chart .trace').length;
+        seen.box = document.getElementById('max-mean').getBoundingClientRect().toJSON();
+        await pause();
+        ",
+    );
+    let probe = &seen.probe;
+    assert_eq!(probe["errors"], serde_json::json!([]), "{probe}");
+    assert_eq!(probe["rows"], serde_json::json!(["1", "2", "3", "4", "5", "6"]));
+    let numbers = |name: &str| -> Vec<f64> { serde_json::from_value(probe[name].clone()).unwrap() };
+    let (rising, falling) = (numbers("rising"), numbers("falling"));
+    assert!(rising.len() == 6 && rising.is_sorted(), "{probe}");
+    assert!(falling.iter().rev().eq(&rising), "{probe}");
+    assert_eq!(probe["sort"], "ascending");
+    let names: Vec<String> = serde_json::from_value(probe["names"].clone()).unwrap();
+    assert!(names.is_sorted(), "{probe}");
+    assert_eq!(probe["filtered"], serde_json::json!(["cube", "2"]));
+    assert_eq!(probe["shown"], "1 of 6 cases");
+    assert!(probe["points"].as_u64().unwrap() > 6 && probe["multiples"] == 4, "{probe}");
+    assert!(colours(&seen, &probe["box"]) > 1, "points and the front have colours of their own");
+}
