@@ -288,7 +288,7 @@ const TAMPERINGS_OF_CERTIFICATE: &[Tampering] = &[
         },
         "value",
     ),
-    ("an entry of the trace", |f| edit_cell(f, "trace.csv", 5, 3, |_| "1.25".into()), "trace"),
+    ("an iteration of the trace", |f| edit_cell(f, "trace.csv", 5, 1, |_| "7".into()), "trace.csv"),
 ];
 
 #[test]
