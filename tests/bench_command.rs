@@ -82,14 +82,17 @@ fn the_table_has_our_figures_and_those_of_the_peers() {
     assert!(!text.contains("not at its end"), "{text}");
     let (ours, beside) = text.split_once("## Beside").unwrap();
     let a = row(ours, "a");
-    assert_eq!(a.len(), 14, "{a:?}");
+    assert_eq!(a.len(), 16, "{a:?}");
     // The start is linear, so that its K is the same everywhere.
     assert_eq!((a[2], a[4], a[7]), (a[3], "0", "0"));
     let [start, last, iterations, peak] = [2, 5, 8, 11].map(|column: usize| a[column].parse::<f64>().ok());
     assert!(last.unwrap() <= start.unwrap() * 1.001 && iterations.unwrap() <= 40.0, "{a:?}");
+    let [bound, gap] = [13, 14].map(|column: usize| a[column].parse::<f64>().unwrap());
+    // Both rounded to four decimals.
+    assert!(bound >= 1.0 && (gap * bound / last.unwrap() - 1.0).abs() < 3e-4, "{a:?}");
     // Memory is told on Linux only.
     assert_eq!(peak.is_some_and(|peak| peak > 1.0), cfg!(target_os = "linux"), "{a:?}");
-    assert_eq!(row(ours, "b (radial start)").len(), 14);
+    assert_eq!(row(ours, "b (radial start)").len(), 16);
     let a = row(beside, "a");
     // The best of the peers by max K, and the reach of the one that is a goal.
     assert_eq!((a[1], a[2]), ("slow, old", "500"));
@@ -106,7 +109,7 @@ fn only_and_out_are_obeyed_and_a_bad_mesh_fails_alone() {
     assert_eq!(output.status.code(), Some(1));
     let text = fs::read_to_string(folder.path().join("new/table.md")).unwrap();
     assert!(text.contains("| a ") && !text.contains("| b ") && !text.contains("## Beside"), "{text}");
-    assert!(row(&text, "bad")[13].contains("bad-rest.mesh:1"), "{text}");
+    assert!(row(&text, "bad")[15].contains("bad-rest.mesh:1"), "{text}");
     assert!(String::from_utf8_lossy(&output.stderr).contains("note: bad: "));
     assert!(!folder.path().join("results").exists());
 }

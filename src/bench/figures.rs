@@ -21,6 +21,10 @@ pub struct Figures {
     pub peak_memory_mib: Option<f64>,
     /// The largest KKT residual; none where the minimax phase was not reached.
     pub kkt: Option<f64>,
+    /// The best bound for maps of the mesh with its boundary, without a Gram certificate.
+    pub best_bound: Option<f64>,
+    /// Largest K / best bound.
+    pub gap: Option<f64>,
     /// Why it ended.
     pub stop: String,
     /// How soon it had what other programs ended with.
@@ -65,6 +69,8 @@ struct Printed {
     cpu_seconds: Option<f64>,
     peak_memory_mib: Option<f64>,
     kkt: Option<PrintedKkt>,
+    best_bound: Option<f64>,
+    gap: Option<f64>,
     stop: String,
 }
 
@@ -122,6 +128,8 @@ impl Figures {
             cpu_seconds: printed.cpu_seconds,
             peak_memory_mib: printed.peak_memory_mib,
             kkt: printed.kkt.map(|kkt| kkt.primal.max(kkt.dual).max(kkt.complementarity)),
+            best_bound: printed.best_bound,
+            gap: printed.gap,
             stop: printed.stop,
             reached: reached.collect(),
         })

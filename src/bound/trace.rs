@@ -50,7 +50,7 @@ fn stretch_ratio(domain: [Vec3; 3], image: [Vec3; 3]) -> Option<f64> {
 
 /// Two sides of a triangle in an orthonormal frame of its plane, `(x1, 0)` and `(x2, y2)`, and the condition of the pair
 /// (sum of squared lengths over twice the area); nothing for a triangle so thin that rounding decides its area.
-fn frame([p, q, r]: [Vec3; 3]) -> Option<([f64; 3], f64)> {
+pub(super) fn frame([p, q, r]: [Vec3; 3]) -> Option<([f64; 3], f64)> {
     let (first, second) = (q - p, r - p);
     let (length, area) = (first.norm(), first.cross(&second).norm());
     let condition = (first.norm_squared() + second.norm_squared()) / area;

@@ -1,0 +1,42 @@
+#!/usr/bin/env bash
+# The gaps on the meshes of a folder, results/gaps/table.md: each NAME-rest.mesh is optimised from NAME-init.mesh, and the result set
+# beside all bounds and a Gram certificate. Needs jq.
+#
+#   tests/gaps.sh MESHES_DIR [QCBALL]      by default target/release/qcball
+set -euo pipefail
+meshes=$(cd "$1" && pwd)
+cd "$(dirname "$0")/.."
+qcball=${2:-target/release/qcball}
+dir=$(mktemp -d)
+trap 'rm -rf "$dir"' EXIT
+cat > "$dir/table.md" <<'TEXT'
+# Gaps
+
+Made by `tests/gaps.sh`. *Best bound*: the largest one proved for K of all piecewise-linear maps of the mesh with these boundary
+positions, *gap* = max K / best bound. *gram*: what the Gram certificate proves by itself. *Seconds*: those of
+`qcball bounds --certify`, of a clock on a busy machine. Bounds are rounded down, K up, gaps to the nearest.
+
+| mesh | tets | max K | best bound | its name | gram | gap | seconds | what limits K |
+|---|--:|--:|--:|---|--:|--:|--:|---|
+TEXT
+for size in 1k 10k; do
+    for rest in "$meshes"/*-"$size"-rest.mesh; do
+        name=$(basename "$rest" -rest.mesh)
+        "$qcball" optimize "$rest" "$meshes/$name-init.mesh" "$dir/$name.mesh" --threads 1 --no-polish --json > "$dir/$name.json"
+        start=$(date +%s%N)
+        "$qcball" bounds "$rest" "$dir/$name.mesh" --certify --json > "$dir/$name-bounds.json"
+        seconds=$(awk -v ns=$(($(date +%s%N) - start)) 'BEGIN { printf "%.1f", ns / 1e9 }')
+        jq -r --arg name "$name" --arg seconds "$seconds" --slurpfile map "$dir/$name.json" '
+            ([.bounds[] | select(.applies and .certified)] | max_by(.value)) as $best
+            | ([.bounds[] | select(.name == "gram") | .value] | max) as $gram
+            | def shown: tostring | if test("[.]") then . else . + "." end | . + "0000" | capture("^(?<n>[0-9]*[.][0-9]{4})").n;
+              def down: . * 1e4 | floor / 1e4 | shown;
+              def up: . * 1e4 | ceil / 1e4 | shown;
+            [ $name, $map[0].tets, (.max_k | up), ($best.value | down), $best.name, ($gram | down), (.gap * 1e4 | round / 1e4 | shown), $seconds,
+              .limit.sentence ]
+            | "| " + (map(tostring) | join(" | ")) + " |"' "$dir/$name-bounds.json" >> "$dir/table.md"
+    done
+done
+mkdir -p results/gaps
+cp "$dir/table.md" results/gaps/table.md
+echo results/gaps/table.md
