@@ -123,6 +123,7 @@ pub(crate) enum Failure {
     NoSuchOption { path: PathBuf },
     #[error(transparent)]
     Map(#[from] map::MapFailure),
+    #[error(transparent)]
     Page(#[from] PageError),
     #[error("{} is read and would be written over; name another file for the result", path.display())]
     OverInput { path: PathBuf },
@@ -178,6 +179,9 @@ fn run_comparison(arguments: &RunArguments, plan: &AnalyticPlan) -> Result<Endin
     let rows = experiment::on_threads(usize::from(arguments.threads.unwrap_or(0)), || comparison::compare(plan))??;
     comparison::write_tables(&folder, plan, &rows)?;
     if arguments.quiet { Ok(Ending::Done) } else { print(&comparison::table(plan, &rows)) }
+}
+
+/// `qcball report`.
 fn report(folder: &Path) -> Result<Ending, Failure> {
     print(&format!("{}\n", write_pages(folder)?.display()))
 }

@@ -14,7 +14,7 @@ pub enum Method {
 /// A symmetric matrix of 3x3 blocks with a fixed pattern, solved again and again with new values.
 pub enum NewtonSystem {
     /// By a sparse Cholesky factor.
-    Direct(BlockCholesky),
+    Direct(Box<BlockCholesky>),
     /// By preconditioned conjugate gradients.
     Iterative(BlockConjugateGradients),
 }
@@ -36,7 +36,7 @@ impl NewtonSystem {
     /// [`SparseError::TooLarge`] if the factor of a direct solve cannot be held.
     pub fn new(method: Method, block_count: usize, edges: &[(u32, u32)]) -> Result<Self, SparseError> {
         Ok(match method {
-            Method::Direct => Self::Direct(BlockCholesky::new(block_count, edges)?),
+            Method::Direct => Self::Direct(Box::new(BlockCholesky::new(block_count, edges)?)),
             Method::Iterative => Self::Iterative(BlockConjugateGradients::new(block_count, edges)),
         })
     }

@@ -1,16 +1,16 @@
 //! The record of a run, and the files, the summary and the page that are views of it.
 
 mod figures;
-mod limit;
 mod html;
+mod limit;
 mod machine;
 mod map_report;
 mod results;
 mod summary;
 
 pub use figures::{BestBound, DomainFigures, Splits, UntanglingFigures};
-pub use limit::{Limit, LimitedBy};
 pub use html::{PageError, write_pages};
+pub use limit::{Limit, LimitedBy};
 pub use map_report::MapReport;
 pub(crate) use results::CellRow;
 pub use results::{MapRecord, write_certificate, write_results, write_trace};
