@@ -258,7 +258,9 @@ fn row(
     let exact = points.iter().filter_map(|point| map.dilatation(point).ok()).map(|dilatation| dilatation.k());
     let filling = match &plan.cells {
         CellsPlan::Voxels(voxels) => voxels.to_string(),
-        CellsPlan::Tets(_) | CellsPlan::Surface => "tets".into(),
+        CellsPlan::Tets(MeshPlan::External(settings)) => format!("{} tets", settings.mesher),
+        CellsPlan::Tets(MeshPlan::Shell(_)) => "shell tets".into(),
+        CellsPlan::Surface => "no cells".into(),
     };
     let row = ComparisonRow {
         mesh: format!("{}, {filling}", plan.solid),

@@ -33,9 +33,8 @@ impl Slope {
         let logs: Vec<[f64; 2]> = logs.map(|(size, error)| [size.ln(), error.ln()]).collect();
         let count = logs.len() as f64;
         let mean = [0, 1].map(|axis| logs.iter().map(|log| log[axis]).sum::<f64>() / count);
-        let product = |a: usize, b: usize| -> f64 {
-            logs.iter().map(|log| (log[a] - mean[a]) * (log[b] - mean[b])).sum()
-        };
+        let product =
+            |a: usize, b: usize| -> f64 { logs.iter().map(|log| (log[a] - mean[a]) * (log[b] - mean[b])).sum() };
         let slope = product(0, 1) / product(0, 0);
         slope.is_finite().then_some([slope, mean[1] - slope * mean[0]])
     }

@@ -233,7 +233,8 @@ impl AnalyticPlan {
             analytic.pictures.unwrap_or(PicturesTable { colours: Vec::new(), cuts: Vec::new() });
         let cuts = cuts.into_iter().map(|[x, y, z, offset]| {
             let help = "give [nx, ny, nz, d], where nx, ny, nz are not all 0";
-            Cut::new([x, y, z].into(), offset).map_err(|error| Fault::at(&["analytic", "pictures"], error.to_string(), help))
+            Cut::new([x, y, z].into(), offset)
+                .map_err(|error| Fault::at(&["analytic", "pictures"], error.to_string(), help))
         });
         Ok(Self {
             name,
@@ -264,9 +265,11 @@ fn mesh_plan(mesh: AnalyticMesh, path: &Path, maps: usize) -> Result<AnalyticMes
             .map_err(|error| Fault::at(&["analytic", "meshes"], format!("`place`: {error}"), "correct the matrix"))?;
     }
     let cells = match (&mesh.voxels, &mesh.mesh, mesh.surface) {
-        (Some(text), None, false) => CellsPlan::Voxels(text.parse().map_err(|error: crate::solid::VoxelizeError| {
-            Fault::at(&["analytic", "meshes"], error.to_string(), "for example voxels = \"cubic(10;2;2)\"")
-        })?),
+        (Some(text), None, false) => {
+            CellsPlan::Voxels(text.parse().map_err(|error: crate::solid::VoxelizeError| {
+                Fault::at(&["analytic", "meshes"], error.to_string(), "for example voxels = \"cubic(10;2;2)\"")
+            })?)
+        }
         (None, Some(table), false) => CellsPlan::Tets(mesh::plan(table, path)?),
         (None, None, true) => CellsPlan::Surface,
         _ => {

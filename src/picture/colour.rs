@@ -147,9 +147,7 @@ impl<'a> Paint<'a> {
                 self.of_value(self.figures.cells[polygon.cell])
             }
             Colour::Domain => self.of_place((0..3).map(|i| corners[i].domain * weights[i]).sum()),
-            Colour::Curvature if polygon.boundary => {
-                self.of_value((0..3).map(|i| corners[i].value * weights[i]).sum())
-            }
+            Colour::Curvature if polygon.boundary => self.of_value((0..3).map(|i| corners[i].value * weights[i]).sum()),
             Colour::Curvature | Colour::Dihedral => PLAIN,
         }
     }
@@ -168,8 +166,9 @@ fn scale(colour: Colour, figures: &Figures) -> Option<Scale> {
     match colour {
         Colour::K | Colour::KInner | Colour::KOuter => {
             let gradient = colorous::YELLOW_ORANGE_RED;
-            // Where every cell is a similarity, a range all the same.
-            Some(Scale { low: 1.0, high: largest.max(1.001), logarithmic: true, gradient, reversed: false })
+            // Where every cell is a similarity, a range all the same. A few large K shall not leave one colour to all others.
+            let high = largest.max(1.001);
+            Some(Scale { low: 1.0, high, logarithmic: high > 10.0, gradient, reversed: false })
         }
         Colour::Jacobian => {
             let least = finite().fold(f64::INFINITY, f64::min);

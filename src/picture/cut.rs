@@ -9,10 +9,8 @@ use crate::estimate::Cells;
 use crate::mesh::{TetMesh, Vec3, VertexId};
 
 /// The corners of a box's faces, and the tets that fill it, all along the diagonal from its first to its last corner.
-const BOX_FACES: [[usize; 4]; 6] =
-    [[0, 2, 6, 4], [1, 5, 7, 3], [0, 4, 5, 1], [2, 3, 7, 6], [0, 1, 3, 2], [4, 6, 7, 5]];
-const BOX_TETS: [[usize; 4]; 6] =
-    [[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0, 5, 1, 7]];
+const BOX_FACES: [[usize; 4]; 6] = [[0, 2, 6, 4], [1, 5, 7, 3], [0, 4, 5, 1], [2, 3, 7, 6], [0, 1, 3, 2], [4, 6, 7, 5]];
+const BOX_TETS: [[usize; 4]; 6] = [[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0, 5, 1, 7]];
 
 /// A plane n . x = d of the domain; the side n . x > d is cut away.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,8 +40,7 @@ impl FromStr for Cut {
 
     /// Reads `nx,ny,nz,d`.
     fn from_str(text: &str) -> Result<Self, PictureError> {
-        let numbers: Vec<f64> =
-            text.split(',').map(|number| number.trim().parse().unwrap_or(f64::NAN)).collect();
+        let numbers: Vec<f64> = text.split(',').map(|number| number.trim().parse().unwrap_or(f64::NAN)).collect();
         match numbers.as_slice() {
             &[x, y, z, offset] => Self::new(Vec3::new(x, y, z), offset),
             _ => Err(PictureError::Plane),

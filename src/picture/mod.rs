@@ -200,7 +200,7 @@ fn triangle(
     let [a, b, c] = corners.map(|corner| corner.shown);
     let normal = (b - a).cross(&(c - a)).try_normalize(0.0).unwrap_or_default();
     // The image of a flipped tet shows its back; both sides are lit.
-    let brightness = 0.62 + 0.38 * normal.dot(light).abs();
+    let brightness = 0.72 + 0.28 * normal.dot(light).abs();
     let placed = corners.map(|corner| place(&corner.shown));
     let doubled_area = (placed[1] - placed[0]).xy().perp(&(placed[2] - placed[0]).xy()).abs();
     let heights: [f64; 3] =

@@ -3,12 +3,12 @@
 use std::convert::Infallible;
 use std::path::Path;
 
+use embedded_graphics::Drawable;
 use embedded_graphics::mono_font::MonoTextStyle;
 use embedded_graphics::mono_font::ascii::FONT_10X20;
 use embedded_graphics::pixelcolor::Rgb888;
 use embedded_graphics::prelude::{DrawTarget, OriginDimensions, Pixel, Point, RgbColor, Size};
 use embedded_graphics::text::{Alignment, Text};
-use embedded_graphics::Drawable;
 
 use super::colour::{FLIPPED, Paint};
 use super::raster::Canvas;
