@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use plotters::prelude::*;
 
 use super::ComparisonRow;
-use crate::config::{AnalyticPlan, CellsPlan};
+use crate::config::{AnalyticPlan, CellsPlan, MeshPlan};
 
 /// The fewest meshes that a line is fitted to.
 const FEWEST: usize = 3;
@@ -43,7 +43,7 @@ impl Slope {
 /// One entry for each map and each solid with three meshes of one kind, in the order of the rows.
 pub(super) fn slopes(plan: &AnalyticPlan, rows: &[ComparisonRow]) -> Vec<Slope> {
     let filled: Vec<_> = plan.meshes.iter().filter(|mesh| mesh.cells != CellsPlan::Surface).collect();
-    let kind = |index: usize| (&filled[index].solid, &filled[index].place, is_of_boxes(&filled[index].cells));
+    let kind = |index: usize| (&filled[index].solid, &filled[index].place, kind_of_cells(&filled[index].cells));
     let mut seen = BTreeSet::new();
     let mut slopes = Vec::new();
     for first in 0..filled.len() {
@@ -56,7 +56,7 @@ pub(super) fn slopes(plan: &AnalyticPlan, rows: &[ComparisonRow]) -> Vec<Slope> 
             let rows: Vec<&ComparisonRow> = alike.iter().map(|mesh| &rows[mesh * plan.maps.len() + map]).collect();
             let Some(supremum) = rows[0].supremum.filter(|supremum| supremum.is_finite()) else { continue };
             let error = |value: f64| (value / supremum - 1.0).abs();
-            let cells = if is_of_boxes(&filled[first].cells) { "boxes" } else { "tets" };
+            let cells = kind_of_cells(&filled[first].cells);
             slopes.push(Slope {
                 meshes: format!("{}, {cells}", filled[first].solid),
                 map: rows[0].map.clone(),
@@ -69,8 +69,13 @@ pub(super) fn slopes(plan: &AnalyticPlan, rows: &[ComparisonRow]) -> Vec<Slope> 
     slopes
 }
 
-fn is_of_boxes(cells: &CellsPlan) -> bool {
-    matches!(cells, CellsPlan::Voxels(_))
+fn kind_of_cells(cells: &CellsPlan) -> String {
+    match cells {
+        CellsPlan::Voxels(_) => "boxes".into(),
+        CellsPlan::Tets(MeshPlan::Shell(_)) => "shell tets".into(),
+        CellsPlan::Tets(MeshPlan::External(settings)) => format!("{} tets", settings.mesher),
+        CellsPlan::Surface => "no cells".into(),
+    }
 }
 
 /// The errors of the estimates over the sizes, both on logarithmic axes, with their lines; as SVG.

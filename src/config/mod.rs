@@ -357,7 +357,7 @@ pub enum ObjectiveName {
 #[expect(dead_code, reason = "it stands for the schema only")]
 enum ConfigFile {
     /// A solid that is mapped onto the ball, by `qcball run` and `qcball sweep`.
-    Map(Config),
+    Map(Box<Config>),
     /// Maps of known dilatation that are estimated, by `qcball run`.
     Analytic(analytic::AnalyticConfig),
 }
