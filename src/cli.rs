@@ -6,6 +6,7 @@ mod map;
 mod measure;
 mod optimize;
 mod output;
+mod picture;
 mod progress;
 mod sweep;
 mod verify;
@@ -51,6 +52,8 @@ enum Command {
     Verify(verify::VerifyArguments),
     /// Apply a map with a formula (affine, folding, cone, power, zorich, caraman ...) to the vertices of a mesh.
     Map(map::MapArguments),
+    /// Draw a mesh, or a map beside its domain, cut open and coloured: a PNG without a display.
+    Picture(picture::PictureArguments),
     /// Optimize every mesh of a folder and write a table of the results, beside those of other programs.
     Bench(bench::BenchArguments),
     /// Make report.html and the pictures of a results folder anew from its other files.
@@ -125,6 +128,8 @@ pub(crate) enum Failure {
     Map(#[from] map::MapFailure),
     #[error(transparent)]
     Page(#[from] PageError),
+    #[error(transparent)]
+    Picture(#[from] picture::PictureFailure),
     #[error("{} is read and would be written over; name another file for the result", path.display())]
     OverInput { path: PathBuf },
     /// Standard output is closed or full; the reader of a closed pipe wants no more.
@@ -145,6 +150,7 @@ pub fn main() -> ExitCode {
         Command::Sweep(arguments) => sweep::sweep(&arguments),
         Command::Verify(arguments) => verify::verify_folder(&arguments),
         Command::Map(arguments) => map::map(&arguments),
+        Command::Picture(arguments) => picture::picture(&arguments),
         Command::Bench(arguments) => bench::bench(&arguments),
         Command::Report { folder } => report(&folder),
         Command::Schema => print(&(schema() + "\n")),
@@ -176,9 +182,9 @@ fn run_comparison(arguments: &RunArguments, plan: &AnalyticPlan) -> Result<Endin
     }
     let folder = arguments.out.clone().unwrap_or_else(|| PathBuf::from("results").join(&plan.name));
     check_folder_is_writable(&folder)?;
-    let rows = experiment::on_threads(usize::from(arguments.threads.unwrap_or(0)), || comparison::compare(plan))??;
-    comparison::write_tables(&folder, plan, &rows)?;
-    if arguments.quiet { Ok(Ending::Done) } else { print(&comparison::table(plan, &rows)) }
+    let compared = experiment::on_threads(usize::from(arguments.threads.unwrap_or(0)), || comparison::compare(plan))??;
+    comparison::write_results(&folder, plan, &compared)?;
+    if arguments.quiet { Ok(Ending::Done) } else { print(&comparison::table(plan, &compared)) }
 }
 
 /// `qcball report`.

@@ -233,6 +233,7 @@
 //! | [`map`] | the radial map; whether a map is bijective; `analytic`: maps in closed form |
 //! | [`mod@measure`] | dilatations of all tets, their quantiles, the active tets, the bottleneck |
 //! | [`estimate`] | the paper's estimates of K at vertices and cells, of tets and hexahedra |
+//! | [`picture`] | pictures of meshes and maps without a display, and the same figures as data |
 //! | [`objective`] | energies of one tet and their sum with gradient and Hessian |
 //! | [`mod@optimize`] | continuation, Newton, L-BFGS, minimax, untangling |
 //! | [`bound`] | lower bounds, a theorem a file |
@@ -263,6 +264,8 @@ pub mod map;
 pub mod measure;
 
 pub mod estimate;
+
+pub mod picture;
 
 pub mod objective;
 

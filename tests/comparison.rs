@@ -5,8 +5,8 @@ use std::path::Path;
 
 use assert_cmd::Command;
 use assert_cmd::cargo::cargo_bin;
-use qcball::comparison::compare;
-use qcball::config::{AnalyticPlan, CellsPlan, Plan};
+use qcball::comparison::{ComparisonRow, compare};
+use qcball::config::{AnalyticPlan, CellsPlan, MeshPlan, Plan};
 
 fn plan(name: &str) -> AnalyticPlan {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs").join(name);
@@ -22,7 +22,7 @@ fn voxels_of(name: &str) -> AnalyticPlan {
 
 #[test]
 fn table_2_is_within_half_a_percent_of_the_exact_dilatation_and_no_worse_than_published() {
-    let rows = compare(&voxels_of("table2.toml")).unwrap();
+    let rows = compare(&voxels_of("table2.toml")).unwrap().rows;
     assert_eq!(rows.len(), 6);
     for row in rows {
         let (exact, published) = (row.supremum.unwrap(), row.published.unwrap());
@@ -34,7 +34,8 @@ fn table_2_is_within_half_a_percent_of_the_exact_dilatation_and_no_worse_than_pu
 
 #[test]
 fn figure_10_errors_of_voxels_fall_with_the_cells_at_second_order() {
-    let rows = compare(&voxels_of("fig10.toml")).unwrap();
+    let comparison = compare(&voxels_of("fig10.toml")).unwrap();
+    let rows = comparison.rows;
     let points: Vec<[f64; 2]> =
         rows.iter().map(|row| [row.largest_cell.cbrt().ln(), (1.0 - row.estimated / 2.25).ln()]).collect();
     // From the second mesh on, where the torus is more than two cells thick: each cell sees its map linearized, so the error
@@ -43,11 +44,71 @@ fn figure_10_errors_of_voxels_fall_with_the_cells_at_second_order() {
         assert!((pair[1][1] - pair[0][1]) / (pair[1][0] - pair[0][0]) > 1.6, "{rows:?}");
     }
     assert!(rows.last().unwrap().estimated > 2.25 * 0.99);
+    let [slope] = comparison.slopes.as_slice() else { panic!("one family: {:?}", comparison.slopes) };
+    assert!(slope.sizes.len() == rows.len() && slope.line(&slope.estimated).unwrap()[0] > 1.6, "{slope:?}");
+}
+
+#[test]
+fn figure_11_flips_nothing_in_cones_and_comes_nearer_to_the_supremum() {
+    let mut plan = plan("fig11.toml");
+    plan.meshes.retain(|mesh| matches!(mesh.cells, CellsPlan::Tets(MeshPlan::Shell(_))));
+    let rows = compare(&plan).unwrap().rows;
+    assert_eq!(rows.len(), 8);
+    // On cells in the cones over the triangles the map for a = 1 is linear: no cell is flipped, and on finer ones its
+    // gradient is nearer to the smooth map's.
+    let error = |row: &ComparisonRow| (row.per_cell / row.supremum.unwrap() - 1.0).abs();
+    for pair in rows.chunks(2) {
+        assert!(pair.iter().all(|row| row.flipped == 0), "{pair:?}");
+        assert!(pair[0].cells < pair[1].cells && error(&pair[1]) < error(&pair[0]), "{pair:?}");
+    }
+    // bounds.md, last table: the radial map of the cube, in closed form.
+    let cube = rows.iter().find(|row| row.mesh.starts_with("cube")).unwrap();
+    assert!((cube.supremum.unwrap() - 7.2102).abs() < 1e-3);
+}
+
+#[test]
+fn figure_1_inversions_keep_the_willmore_energy_and_rotations_everything() {
+    let surfaces = compare(&plan("fig1.toml")).unwrap().surfaces;
+    let relative = |a: f64, b: f64| (a / b - 1.0).abs();
+    assert_eq!(surfaces.len(), 6);
+    for row in &surfaces {
+        let willmore = relative(row.after.willmore_energy, row.before.willmore_energy);
+        let total = relative(row.after.total_mean_curvature, row.before.total_mean_curvature);
+        match row.map.as_str() {
+            // Second order in the edge length, about 0.07.
+            "power, exponent -1" => assert!(willmore < 5e-3 && total > 0.5, "{row:?}"),
+            map if map.contains("0.6") => assert!(willmore < 1e-12 && total < 1e-12, "{row:?}"),
+            _ => assert!(willmore > 0.1, "{row:?}"),
+        }
+    }
+}
+
+#[test]
+fn pictures_and_meshes_of_a_table_are_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "[analytic]\nmaps = [{ kind = \"power\", exponent = 1.5 }]\nnotes = [\"A note.\"]\n\
+                [analytic.pictures]\ncolours = [\"k\", \"domain\"]\ncuts = [[1, 0, 0, 4.0]]\n\
+                [[analytic.meshes]]\ndomain = { solid = \"ball\" }\n\
+                place = { matrix = [[1, 0, 0], [0, 1, 0], [0, 0, 1]], offset = [4, 0, 0] }\n";
+    for (mesh, cells) in [("voxels = \"cubic(6;0;2)\"", "cubic(6;0;2)"), ("mesh = { layers = 2 }", "shell tets")] {
+        fs::write(folder.path().join("small.toml"), format!("{text}{mesh}\n")).unwrap();
+        let mut command = Command::new(cargo_bin!("qcball"));
+        command.current_dir(folder.path()).args(["run", "small.toml", "--quiet"]).assert().success();
+        let file = |name: &str| fs::read(folder.path().join("results/small").join(name)).unwrap();
+        let table = String::from_utf8(file("table.md")).unwrap();
+        assert!(table.contains(cells) && table.contains("\n- A note.\n"), "{table}");
+        for name in ["mesh-1-map-1-k.png", "mesh-1-map-1-domain.png"] {
+            assert!(file(name).starts_with(b"\x89PNG\r\n"));
+        }
+        for name in ["mesh-1-map-1-domain.vtu", "mesh-1-map-1-image.vtu"] {
+            assert!(String::from_utf8(file(name)).unwrap().contains("\"Jacobian\""));
+        }
+    }
 }
 
 #[test]
 fn figure_7_stays_below_the_supremum_over_the_ball() {
-    for row in compare(&voxels_of("fig7.toml")).unwrap() {
+    for row in compare(&voxels_of("fig7.toml")).unwrap().rows {
         // The exact K at the vertices is below the ball's sup, 5.07 (map::analytic::Zorich), which is below the cylinder's.
         assert!(row.exact_at_vertices < 5.071 && (row.supremum.unwrap() - 7.3627).abs() < 1e-4, "{row:?}");
         assert!(row.estimated > 4.5 && row.estimated < 5.071, "{row:?}");
@@ -59,11 +120,18 @@ fn bad_analytic_configs_are_refused_and_nothing_is_written() {
     let mesh = "[[analytic.meshes]]\ndomain = { solid = \"torus\" }\n";
     let map = "maps = [{ kind = \"power\", exponent = 2 }]\n";
     for (text, part) in [
+        (format!("[analytic]\nmaps = [{{ kind = \"caraman\", exponent = -1 }}]\n{mesh}"), "map 1: exponent is -1"),
+        (
+            format!(
+                "[analytic]\n{map}pictures = {{ colours = [\"k\"], cuts = [[0, 0, 0, 1]] }}\n{mesh}voxels = \"cubic(4;0;2)\"\n"
+            ),
+            "a plane is given by",
+        ),
         (format!("[analytic]\n{map}meshes = []\n"), "analytic.meshes is empty"),
         (format!("[analytic]\nmaps = []\n{mesh}voxels = \"cubic(4;0;2)\"\n"), "analytic.maps is empty"),
         (format!("[analytic]\nmaps = [{{ kind = \"power\" }}]\n{mesh}"), "missing field `exponent`"),
         (format!("[analytic]\nmaps = [{{ kind = \"power\", exponent = 0 }}]\n{mesh}"), "map 1: exponent is 0"),
-        (format!("[analytic]\n{map}{mesh}"), "exactly one of `voxels` and `mesh`"),
+        (format!("[analytic]\n{map}{mesh}"), "exactly one of `voxels`, `mesh` and `surface`"),
         (format!("[analytic]\n{map}{mesh}voxels = \"cubic(4)\"\n"), "is no voxel grid"),
         (format!("[analytic]\n{map}{mesh}voxels = \"cubic(4;0;2)\"\npublished = [1, 2]\n"), "2 values for 1 maps"),
         (

@@ -5,8 +5,10 @@
 
 use std::process::Command;
 
-use qcball::mesh::io::{DataArray, Values, write_vtu};
+use qcball::mesh::io::{DataArray, Values, write_hexahedra_vtu, write_vtu};
 use qcball::mesh::{Vec3, VertexId};
+use qcball::picture::BoundaryFigures;
+use qcball::solid::{ShellSettings, Solid, shell_mesh, voxelize};
 
 /// Reads `vtu` with both libraries and compares every array with the lines of `expected`, `name kind values...`.
 const CHECK: &str = r#"
@@ -113,4 +115,46 @@ fn pyvista_and_meshio_read_what_was_written() {
     for count in [1, 4096, 10_001] {
         check(&python, count);
     }
+}
+
+/// Reads a mesh of boxes and a surface with both libraries: positive volumes tell the order of the corners.
+const CHECK_CELLS: &str = r#"
+import sys
+import meshio, numpy, pyvista
+boxes, surface = sys.argv[1:]
+grid = pyvista.read(boxes)
+(cells,) = [block.data for block in meshio.read(boxes).cells if block.type == "hexahedron"]
+assert numpy.array_equal(cells, grid.cells_dict[pyvista.CellType.HEXAHEDRON])
+assert list(grid.celltypes) == [pyvista.CellType.HEXAHEDRON] * grid.n_cells
+volumes = grid.compute_cell_sizes()["Volume"]
+assert numpy.allclose(volumes, grid.cell_data["volume"], rtol=1e-12), (volumes, grid.cell_data["volume"])
+
+grid = pyvista.read(surface)
+kinds = {block.type: block.data for block in meshio.read(surface).cells}
+assert set(kinds) == {"triangle", "line"}, kinds
+assert numpy.array_equal(kinds["triangle"], grid.cells_dict[pyvista.CellType.TRIANGLE])
+assert numpy.array_equal(kinds["line"], grid.cells_dict[pyvista.CellType.LINE])
+angles = grid.cell_data["dihedral angle"]
+assert numpy.isnan(angles[: len(kinds["triangle"])]).all() and numpy.isfinite(angles[len(kinds["triangle"]) :]).all()
+assert abs(grid.compute_cell_sizes()["Area"].sum() - 24) < 1e-12
+"#;
+
+#[test]
+fn pyvista_and_meshio_read_boxes_and_surfaces() {
+    let Some(python) = python() else { return };
+    let surface = Solid::Cube.surface().unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let (boxes, boundary) = (folder.path().join("boxes.vtu"), folder.path().join("boundary.vtu"));
+    // Cells of several sizes, none on the surface.
+    let slanted = Solid::Octahedron.surface().unwrap();
+    let voxels = voxelize(&slanted, "voxel(5,6,7;1;2)".parse().unwrap()).unwrap();
+    let at = |v: VertexId| voxels.points()[v.index()];
+    let volumes: Vec<f64> = voxels.cells().iter().map(|cell| (at(cell[7]) - at(cell[0])).product()).collect();
+    let cell_data = [DataArray { name: "volume", values: Values::Scalars(&volumes) }];
+    write_hexahedra_vtu(&boxes, voxels.points(), voxels.cells(), &[], &cell_data).unwrap();
+    let settings = ShellSettings { subdivisions: 2, refinement: None, layers: 2, grading: 1.0 };
+    let mesh = shell_mesh(&surface, Vec3::zeros(), &settings).unwrap().mesh;
+    BoundaryFigures::of((&mesh).into(), mesh.points(), None).unwrap().write(&boundary).unwrap();
+    let output = Command::new(python).args(["-c", CHECK_CELLS]).args([&boxes, &boundary]).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }

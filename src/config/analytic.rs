@@ -3,7 +3,9 @@
 use std::fs;
 use std::path::Path;
 
-use serde::Deserialize;
+use schemars::JsonSchema;
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer};
 
 use super::error::{ConfigError, Fault, reworded};
 use super::mesh::{self, MeshPlan};
@@ -11,45 +13,129 @@ use super::{Config, DomainTable, MeshTable, plan, solid};
 use crate::estimate::{Estimator, Weights};
 use crate::map::AnalyticMap;
 use crate::map::analytic::Affine;
-use crate::solid::{Solid, Voxels};
+use crate::picture::{Colour, Cut};
+use crate::solid::{CentreChoice, Solid, Voxels};
 
 /// A config with the table `[analytic]`, key by key as typed.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-struct AnalyticConfig {
+pub(super) struct AnalyticConfig {
     /// Name of the run. Default: the config file's name without its ending.
     name: Option<String>,
+    /// Maps of known dilatation and the meshes that they are estimated on.
     analytic: AnalyticTable,
 }
 
 /// The table `[analytic]`.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct AnalyticTable {
     /// The maps, each with its `kind` and parameters.
-    maps: Vec<AnalyticMap>,
+    maps: Vec<MapPlan>,
     /// How K is estimated. Default: "paper".
     estimator: Option<Estimator>,
     /// The meshes.
     meshes: Vec<AnalyticMesh>,
+    /// Sentences that stand below the table. Default: none.
+    #[serde(default)]
+    notes: Vec<String>,
+    /// Pictures of each map on each mesh, and the meshes with their figures as VTU. Default: none.
+    pictures: Option<PicturesTable>,
+}
+
+/// The table `[analytic.pictures]`.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct PicturesTable {
+    /// What is shown, a picture each.
+    colours: Vec<Colour>,
+    /// Planes [nx, ny, nz, d]: what lies beyond all of them, nx x + ny y + nz z > d, is cut away. Default: nothing is.
+    #[serde(default)]
+    cuts: Vec<[f64; 4]>,
 }
 
 /// One of `[[analytic.meshes]]`.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct AnalyticMesh {
-    /// A built-in solid with its parameters, as in the table `[domain]` of other configs.
+    /// A built-in solid with its parameters, as in the table `[domain]` of other configs. Its `centre` is that of the map
+    /// "caraman" and of shell meshes.
     domain: DomainTable,
     /// An affine map that puts the solid into its place. Default: it stays where it is.
     place: Option<Affine>,
-    /// The solid is filled with boxes: "cubic(n;d;k)" or "voxel(nx,ny,nz;d;k)". Exactly one of `voxels` and `mesh` is given.
+    /// The solid is filled with boxes: "cubic(n;d;k)" or "voxel(nx,ny,nz;d;k)". Exactly one of `voxels`, `mesh` and
+    /// `surface` is given.
     voxels: Option<String>,
     /// The solid is filled with tets, as in the table `[mesh]` of other configs.
     mesh: Option<MeshTable>,
+    /// true: nothing but the surface is mapped, and its invariants are compared before and after.
+    #[serde(default)]
+    surface: bool,
     /// How cells count at a vertex. Default, as in the paper: "equal" for boxes, "solid-angle" for tets.
     weights: Option<Weights>,
     /// The published max K of each map, in the order of `maps`. Default: none.
     published: Option<Vec<f64>>,
+    /// The published mean K of each map. Default: none.
+    published_mean: Option<Vec<f64>>,
+}
+
+/// A map as a config gives it.
+#[derive(Clone, Debug, PartialEq, JsonSchema)]
+#[serde(untagged)]
+pub enum MapPlan {
+    /// One that keys give whole.
+    Formula(AnalyticMap),
+    /// The radial map of each mesh's own solid onto the unit ball.
+    Caraman(CaramanPlan),
+}
+
+/// `kind = "caraman"` and its exponent.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CaramanPlan {
+    /// The name of the map.
+    pub kind: CaramanName,
+    /// The exponent a > 0 of eq. 20. Default: 1.
+    #[serde(default = "one")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub exponent: f64,
+}
+
+/// The one name of [`CaramanPlan`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum CaramanName {
+    /// Caraman's map.
+    Caraman,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+impl<'de> Deserialize<'de> for MapPlan {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let table = toml::Table::deserialize(deserializer)?;
+        // Not by serde's `untagged`, whose message would be that no kind fits.
+        let read = if table.get("kind").and_then(|kind| kind.as_str()) == Some("caraman") {
+            table.try_into().map(Self::Caraman)
+        } else {
+            table.try_into().map(Self::Formula)
+        };
+        read.map_err(|error: toml::de::Error| D::Error::custom(error.message()))
+    }
+}
+
+impl MapPlan {
+    fn check(&self) -> Result<(), String> {
+        match self {
+            Self::Formula(map) => map.check().map_err(|error| error.to_string()),
+            Self::Caraman(CaramanPlan { exponent, .. }) if *exponent > 0.0 && exponent.is_finite() => Ok(()),
+            Self::Caraman(CaramanPlan { exponent, .. }) => {
+                Err(format!("exponent is {exponent}, but it must be a positive number"))
+            }
+        }
+    }
 }
 
 /// Maps, meshes and an estimator.
@@ -60,11 +146,17 @@ pub struct AnalyticPlan {
     /// The config's text.
     pub text: String,
     /// The maps, checked.
-    pub maps: Vec<AnalyticMap>,
+    pub maps: Vec<MapPlan>,
     /// How K is estimated.
     pub estimator: Estimator,
     /// The meshes.
     pub meshes: Vec<AnalyticMeshPlan>,
+    /// Sentences below the table.
+    pub notes: Vec<String>,
+    /// What is shown of each map on each mesh, a picture each.
+    pub colours: Vec<Colour>,
+    /// What is cut away in the pictures.
+    pub cuts: Vec<Cut>,
 }
 
 /// A mesh that the maps are applied to.
@@ -74,12 +166,16 @@ pub struct AnalyticMeshPlan {
     pub solid: Solid,
     /// What puts it into its place.
     pub place: Option<Affine>,
+    /// The centre of radial maps and of shell meshes.
+    pub centre: CentreChoice,
     /// Its cells.
     pub cells: CellsPlan,
     /// How cells count at a vertex.
     pub weights: Weights,
     /// The published max K of each map, or none.
     pub published: Vec<Option<f64>>,
+    /// The published mean K of each map, or none.
+    pub published_mean: Vec<Option<f64>>,
 }
 
 /// What a solid is filled with.
@@ -89,6 +185,8 @@ pub enum CellsPlan {
     Voxels(Voxels),
     /// Tets.
     Tets(MeshPlan),
+    /// Nothing.
+    Surface,
 }
 
 impl AnalyticPlan {
@@ -131,10 +229,20 @@ impl AnalyticPlan {
                 ..fault
             })
         });
+        let PicturesTable { colours, cuts } =
+            analytic.pictures.unwrap_or(PicturesTable { colours: Vec::new(), cuts: Vec::new() });
+        let cuts = cuts.into_iter().map(|[x, y, z, offset]| {
+            let help = "give [nx, ny, nz, d], where nx, ny, nz are not all 0";
+            Cut::new([x, y, z].into(), offset)
+                .map_err(|error| Fault::at(&["analytic", "pictures"], error.to_string(), help))
+        });
         Ok(Self {
             name,
             text: text.to_owned(),
             meshes: meshes.collect::<Result<_, _>>()?,
+            notes: analytic.notes,
+            colours,
+            cuts: cuts.collect::<Result<_, _>>()?,
             maps: analytic.maps,
             estimator: analytic.estimator.unwrap_or(Estimator::Paper),
         })
@@ -144,7 +252,7 @@ impl AnalyticPlan {
 fn mesh_plan(mesh: AnalyticMesh, path: &Path, maps: usize) -> Result<AnalyticMeshPlan, Fault> {
     let refuse = |message: &str, help: &str| Err(Fault::at(&["analytic", "meshes"], message.to_owned(), help));
     let domain = &mesh.domain;
-    if domain.file.is_some() || domain.centre.is_some() || domain.keep_mesh {
+    if domain.file.is_some() || domain.keep_mesh {
         return refuse("only built-in solids are estimated", "give domain.solid and its parameters, nothing else");
     }
     let Some(name) = domain.solid else {
@@ -156,36 +264,41 @@ fn mesh_plan(mesh: AnalyticMesh, path: &Path, maps: usize) -> Result<AnalyticMes
         placed
             .map_err(|error| Fault::at(&["analytic", "meshes"], format!("`place`: {error}"), "correct the matrix"))?;
     }
-    let cells = match (&mesh.voxels, &mesh.mesh) {
-        (Some(text), None) => CellsPlan::Voxels(text.parse().map_err(|error: crate::solid::VoxelizeError| {
-            Fault::at(&["analytic", "meshes"], error.to_string(), "for example voxels = \"cubic(10;2;2)\"")
-        })?),
-        (None, Some(table)) => CellsPlan::Tets(mesh::plan(table, path)?),
+    let cells = match (&mesh.voxels, &mesh.mesh, mesh.surface) {
+        (Some(text), None, false) => {
+            CellsPlan::Voxels(text.parse().map_err(|error: crate::solid::VoxelizeError| {
+                Fault::at(&["analytic", "meshes"], error.to_string(), "for example voxels = \"cubic(10;2;2)\"")
+            })?)
+        }
+        (None, Some(table), false) => CellsPlan::Tets(mesh::plan(table, path)?),
+        (None, None, true) => CellsPlan::Surface,
         _ => {
             return refuse(
-                "exactly one of `voxels` and `mesh` must be given",
+                "exactly one of `voxels`, `mesh` and `surface` must be given",
                 "for example voxels = \"cubic(10;2;2)\"",
             );
         }
     };
-    let published = match mesh.published {
-        None => vec![None; maps],
-        Some(values) if values.len() == maps => values.into_iter().map(Some).collect(),
+    let of_each_map = |key: &str, values: Option<Vec<f64>>| match values {
+        None => Ok(vec![None; maps]),
+        Some(values) if values.len() == maps => Ok(values.into_iter().map(Some).collect()),
         Some(values) => {
-            let message = format!("`published` has {} values for {maps} maps", values.len());
-            return refuse(&message, "give one for each map, or leave it out");
+            let message = format!("`{key}` has {} values for {maps} maps", values.len());
+            Err(Fault::at(&["analytic", "meshes"], message, "give one for each map, or leave it out"))
         }
     };
     let by_default = match cells {
         CellsPlan::Voxels(_) => Weights::Equal,
-        CellsPlan::Tets(_) => Weights::SolidAngle,
+        CellsPlan::Tets(_) | CellsPlan::Surface => Weights::SolidAngle,
     };
     let config = Config { domain: mesh.domain, ..Config::default() };
     Ok(AnalyticMeshPlan {
         solid: solid::build(name, &config)?,
         place: mesh.place,
+        centre: plan::centre(&config)?,
         cells,
         weights: mesh.weights.unwrap_or(by_default),
-        published,
+        published: of_each_map("published", mesh.published)?,
+        published_mean: of_each_map("published_mean", mesh.published_mean)?,
     })
 }

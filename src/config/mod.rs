@@ -13,7 +13,7 @@ mod solid;
 mod source;
 mod sweep;
 
-pub use analytic::{AnalyticMeshPlan, AnalyticPlan, CellsPlan};
+pub use analytic::{AnalyticMeshPlan, AnalyticPlan, CaramanName, CaramanPlan, CellsPlan, MapPlan};
 pub use bench::{BenchPlan, optimize_settings};
 pub use error::ConfigError;
 pub use mesh::MeshPlan;
@@ -355,9 +355,21 @@ pub enum ObjectiveName {
     SoftMax,
 }
 
+/// Either kind of config file.
+#[derive(JsonSchema)]
+#[serde(untagged)]
+#[schemars(title = "A qcball config file")]
+#[expect(dead_code, reason = "it stands for the schema only")]
+enum ConfigFile {
+    /// A solid that is mapped onto the ball, by `qcball run` and `qcball sweep`.
+    Map(Box<Config>),
+    /// Maps of known dilatation that are estimated, by `qcball run`.
+    Analytic(analytic::AnalyticConfig),
+}
+
 /// The JSON schema of the config file, with every key's meaning and default.
 pub fn schema() -> String {
-    let schema = schemars::schema_for!(Config);
+    let schema = schemars::schema_for!(ConfigFile);
     serde_json::to_string_pretty(&schema).expect("a schema has string keys and finite numbers")
 }
 

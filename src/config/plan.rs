@@ -168,7 +168,7 @@ fn map(config: &Config) -> Result<InitialMap, Fault> {
     Ok(InitialMap { kind, exponent })
 }
 
-fn centre(config: &Config) -> Result<CentreChoice, Fault> {
+pub(super) fn centre(config: &Config) -> Result<CentreChoice, Fault> {
     Ok(match &config.domain.centre {
         None | Some(CentreValue::Named(CentreName::Kernel)) => CentreChoice::Kernel,
         Some(CentreValue::Named(CentreName::Centroid)) => CentreChoice::Centroid,

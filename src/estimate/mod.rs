@@ -14,6 +14,7 @@ pub use weights::{Weights, measure};
 
 use clap::ValueEnum;
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::dilatation::Dilatation;
@@ -21,7 +22,7 @@ use crate::linalg::svd;
 use crate::mesh::{Mat3, Vec3};
 
 /// How the largest and the least stretch and the Jacobian determinant are estimated.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Estimator {
     /// The paper's default: stretches from the gradient by random directions, the Jacobian from the volume ratio.

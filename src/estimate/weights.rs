@@ -1,6 +1,7 @@
 //! The measure of cells and the weights of cells at a vertex (paper eq. 23-25, Table 1).
 
 use clap::ValueEnum;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Cells;
@@ -9,7 +10,7 @@ use crate::mesh::Vec3;
 use crate::mesh::angle::tet_solid_angle;
 
 /// How much each cell at a vertex counts (paper Table 1); the weights are normalized to the sum 1.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Weights {
     /// 1.

@@ -47,6 +47,11 @@ impl Caraman {
         Ok(Self { exponent, centre, cones })
     }
 
+    /// The exponent a.
+    pub fn exponent(&self) -> f64 {
+        self.exponent
+    }
+
     /// y and the gradient of u at x; y is 0 at the centre, where the gradient means nothing.
     fn place(&self, x: &Vec3) -> Result<(Vec3, Vec3), MapError> {
         let offset = x - self.centre;

@@ -1,5 +1,6 @@
 //! Maps one after the other.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{AnalyticMap, ClosedForm, MapError};
@@ -8,7 +9,7 @@ use crate::linalg::svd;
 use crate::mesh::{Mat3, Vec3};
 
 /// The first map, then the second, and so on. No maps make the identity.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Composition {
     /// The maps in the order in which they are applied.

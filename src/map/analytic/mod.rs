@@ -21,6 +21,7 @@ pub use zorich1::Zorich1;
 pub use zorich2::Zorich2;
 
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::dilatation::Dilatation;
@@ -55,7 +56,7 @@ pub enum MapError {
 }
 
 /// A map that a formula gives; `kind` in a config, with the parameters as further keys.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum AnalyticMap {
     /// x -> A x + b.
@@ -111,10 +112,16 @@ impl std::fmt::Display for AnalyticMap {
     /// The kind and the parameters that are single numbers.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
+            Self::Affine(Affine { matrix, .. }) => write!(f, "affine, matrix {matrix:?}"),
             Self::Folding(Folding { ratio }) => write!(f, "folding, ratio {ratio}"),
             Self::Cone(Cone { ratio, .. }) => write!(f, "cone, ratio {ratio}"),
             Self::Power(Power { exponent }) => write!(f, "power, exponent {exponent}"),
             Self::Zorich(Zorich { half_side }) => write!(f, "zorich, half side {half_side}"),
+            Self::Caraman(map) => write!(f, "caraman, exponent {}", map.exponent()),
+            Self::Composition(Composition { maps }) => {
+                let names: Vec<String> = maps.iter().map(Self::to_string).collect();
+                f.write_str(&names.join(", then "))
+            }
             _ => f.write_str(self.form().name()),
         }
     }

@@ -3,6 +3,10 @@
 use crate::mesh::io::tet_file::{CellData, Cells, TetFile};
 use crate::mesh::io::tokens::Fault;
 
+/// The number of a segment.
+pub(super) const LINE: u8 = 3;
+/// The number of a triangle.
+pub(super) const TRIANGLE: u8 = 5;
 /// VTK's number for a linear tetrahedron.
 pub(super) const TETRA: u8 = 10;
 /// VTK's number for a linear hexahedron.

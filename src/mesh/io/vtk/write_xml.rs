@@ -13,7 +13,7 @@ use flate2::Compression;
 use flate2::write::ZlibEncoder;
 use quick_xml::escape::escape;
 
-use super::cells::{HEXAHEDRON, TETRA};
+use super::cells::{HEXAHEDRON, LINE, TETRA, TRIANGLE};
 use crate::mesh::io::{WriteError, write_atomically};
 use crate::mesh::{Vec3, VertexId};
 
@@ -89,6 +89,26 @@ pub fn write_hexahedra_vtu(
     write_grid(path, points, HEXAHEDRON, &cells, point_data, cell_data)
 }
 
+/// Writes the triangles and edges of a surface, with data on points and on cells: first the triangles, then the edges.
+///
+/// # Errors
+/// The path and the system's reason.
+///
+/// # Panics
+/// When an array has not one entry a point or cell.
+pub fn write_surface_vtu(
+    path: &Path,
+    points: &[Vec3],
+    triangles: &[[VertexId; 3]],
+    edges: &[[VertexId; 2]],
+    point_data: &[DataArray],
+    cell_data: &[DataArray],
+) -> Result<(), WriteError> {
+    let cells = triangles.iter().map(|triangle| (TRIANGLE, triangle.as_slice()));
+    let cells: Vec<(u8, &[VertexId])> = cells.chain(edges.iter().map(|edge| (LINE, edge.as_slice()))).collect();
+    write_cells(path, points, &cells, point_data, cell_data)
+}
+
 /// Writes cells of one type, their corners in VTK's order.
 fn write_grid<const CORNERS: usize>(
     path: &Path,
@@ -98,10 +118,26 @@ fn write_grid<const CORNERS: usize>(
     point_data: &[DataArray],
     cell_data: &[DataArray],
 ) -> Result<(), WriteError> {
+    let cells: Vec<(u8, &[VertexId])> = cells.iter().map(|cell| (kind, cell.as_slice())).collect();
+    write_cells(path, points, &cells, point_data, cell_data)
+}
+
+/// Writes cells, each with its type and its corners in VTK's order.
+fn write_cells(
+    path: &Path,
+    points: &[Vec3],
+    cells: &[(u8, &[VertexId])],
+    point_data: &[DataArray],
+    cell_data: &[DataArray],
+) -> Result<(), WriteError> {
     assert!(point_data.iter().all(|array| array.values.len() == points.len()), "one entry a point");
     assert!(cell_data.iter().all(|array| array.values.len() == cells.len()), "one entry a cell");
-    let connectivity = integers(cells.iter().flatten().map(|v| i64::from(v.0)));
-    let offsets = integers((1..=cells.len() as i64).map(|number| CORNERS as i64 * number));
+    let connectivity = integers(cells.iter().flat_map(|(_, corners)| *corners).map(|v| i64::from(v.0)));
+    let offsets = integers(cells.iter().scan(0, |end, (_, corners)| {
+        *end += corners.len() as i64;
+        Some(*end)
+    }));
+    let kinds: Vec<u8> = cells.iter().map(|(kind, _)| *kind).collect();
     write_atomically(path, |file| {
         writeln!(
             file,
@@ -116,7 +152,7 @@ fn write_grid<const CORNERS: usize>(
         writeln!(file, "</Points>\n<Cells>")?;
         write_array(file, "Int64", "connectivity", 1, &connectivity)?;
         write_array(file, "Int64", "offsets", 1, &offsets)?;
-        write_array(file, "UInt8", "types", 1, &vec![kind; cells.len()])?;
+        write_array(file, "UInt8", "types", 1, &kinds)?;
         writeln!(file, "</Cells>\n<PointData>")?;
         point_data.iter().try_for_each(|array| write_values(file, array.name, &array.values))?;
         writeln!(file, "</PointData>\n<CellData>")?;
