@@ -12,8 +12,8 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// The configs of runs; bench.toml has no domain, and tests/bench_command.rs reads it, as tests/sweep.rs does sweep.toml
-/// and tests/comparison.rs those with the table `[analytic]`.
+/// The configs of runs; bench.toml has no domain, and tests/bench_command.rs reads it, as tests/sweep.rs does those with the
+/// table `[sweep]` and tests/comparison.rs those with the table `[analytic]`.
 fn configs() -> Vec<PathBuf> {
     let entries = fs::read_dir(root().join("configs")).unwrap().map(|entry| entry.unwrap().path());
     let is_analytic = |path: &PathBuf| {
@@ -25,7 +25,7 @@ fn configs() -> Vec<PathBuf> {
     };
     let is_run = |path: &PathBuf| {
         let is_toml = path.extension().is_some_and(|e| e == "toml");
-        is_toml && !path.ends_with("bench.toml") && !path.ends_with("sweep.toml") && !is_analytic(path)
+        is_toml && !path.ends_with("bench.toml") && !has(path, "\n[sweep") && !has(path, "\n[analytic]\n")
     };
     let mut configs: Vec<PathBuf> = entries.filter(is_run).collect();
     configs.sort();
