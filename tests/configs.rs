@@ -16,16 +16,11 @@ fn root() -> &'static Path {
 /// table `[sweep]` and tests/comparison.rs those with the table `[analytic]`.
 fn configs() -> Vec<PathBuf> {
     let entries = fs::read_dir(root().join("configs")).unwrap().map(|entry| entry.unwrap().path());
-    let is_analytic = |path: &PathBuf| {
-        fs::read_to_string(path).unwrap().contains(
-            "
-[analytic]
-",
-        )
-    };
+    let has =
+        |path: &PathBuf, table: &str| fs::read_to_string(path).unwrap().lines().any(|line| line.starts_with(table));
     let is_run = |path: &PathBuf| {
         let is_toml = path.extension().is_some_and(|e| e == "toml");
-        is_toml && !path.ends_with("bench.toml") && !has(path, "\n[sweep") && !has(path, "\n[analytic]\n")
+        is_toml && !path.ends_with("bench.toml") && !has(path, "[sweep") && !has(path, "[analytic]")
     };
     let mut configs: Vec<PathBuf> = entries.filter(is_run).collect();
     configs.sort();
