@@ -111,8 +111,8 @@ fn in_short(report: &Value, summary: &str) -> String {
     let mut html = format!("<dl class=\"cards\">{cards}</dl>\n{}", paragraph(&words));
     let reason = report["bijective_reason"].as_str().unwrap_or_default();
     html += &paragraph(&format!("The map is {}bijective: {reason}.", if bijective { "" } else { "not known to be " }));
-    if let Some(limit) = report["limit"].as_str() {
-        html += &paragraph(limit);
+    if let Some(limit) = report["limit"]["sentence"].as_str() {
+        html += &paragraph(&format!("{}.", capital(limit)));
     }
     if let Some(place) = bottleneck(report) {
         html += &paragraph(&place);
