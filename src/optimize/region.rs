@@ -32,7 +32,7 @@ impl Region {
     }
 
     /// The free vertices of the tets `chosen`, and those up to `rings` tets away; all where these are more than half. `None`
-    /// if they are more than `most`.
+    /// if there are none, or more than `most`.
     pub(super) fn around(
         domain: &Domain,
         fixed: &[bool],
@@ -60,6 +60,9 @@ impl Region {
         }
         let free = |v: VertexId| inside[v.index()] && !fixed[v.index()];
         let chosen: Vec<u32> = (0..tets.len() as u32).filter(|&t| tets[t as usize].iter().any(|&v| free(v))).collect();
+        if chosen.is_empty() {
+            return None;
+        }
         let mut vertices: Vec<u32> = chosen.iter().flat_map(|&t| tets[t as usize].map(|v| v.0)).collect();
         vertices.sort_unstable();
         vertices.dedup();
