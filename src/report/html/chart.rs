@@ -73,8 +73,8 @@ impl Axis {
         match self {
             Self { logarithmic: true, .. } => {
                 let axis = axis.type_(AxisType::Log).tick_format("~r");
-                // Beyond a decade the ticks would be at all multiples of its powers; few of them are 1, 2, 5, 10, ...
-                if spanned(values) > 7.0 { axis.n_ticks(3) } else { axis }
+                // Near and beyond a decade the ticks would be at all multiples of its powers; few of them are 1, 2, 5, 10, ...
+                if spanned(values) > 5.0 { axis.n_ticks(3) } else { axis }
             }
             Self { names, .. } if names.is_empty() => axis.type_(AxisType::Linear),
             Self { names, .. } => {

@@ -2,6 +2,7 @@
 const charts = JSON.parse(document.getElementById("charts").textContent);
 const root = document.documentElement;
 const dark = matchMedia("(prefers-color-scheme: dark)");
+const narrow = matchMedia("(max-width: 640px)");
 const settings = { responsive: true, displaylogo: false };
 const drawn = [];
 
@@ -40,7 +41,7 @@ document.getElementById("theme").addEventListener("click", () => setTheme(root.d
 async function drawCharts() {
   for (const [id, { data, layout }] of Object.entries(charts)) {
     const small = document.getElementById(id).closest(".multiples") !== null;
-    const draw = () => Plotly.react(id, data, themed(layout), { ...settings, displayModeBar: small ? false : "hover" });
+    const draw = () => Plotly.react(id, data, themed(layout), { ...settings, displayModeBar: small || narrow.matches ? false : "hover" });
     await new Promise((done) => setTimeout(done));
     drawn.push(draw);
     draw();

@@ -72,8 +72,6 @@ async function startViewer() {
   const k = inner.map((value, cell) => Math.max(value, outer[cell]));
   const boundary = await unpackSurface(surfaces.boundary, surfaces.frames);
   const unpacked = new Map();
-  // There the image stands below the domain.
-  const narrow = matchMedia("(max-width: 640px)");
   const home = { eye: { x: 1.2, y: -1.45, z: 1.2 }, up: { x: 0, y: 0, z: 1 }, center: { x: 0, y: 0, z: 0 } };
   let camera = home;
   let shown = boundary;
@@ -171,6 +169,7 @@ async function startViewer() {
   function layout() {
     const hidden = { visible: false, showspikes: false };
     const scene = { xaxis: hidden, yaxis: hidden, zaxis: hidden, aspectmode: "data", camera, dragmode: "orbit" };
+    // On a narrow window the image stands below the domain.
     const places = narrow.matches
       ? [{ x: [0, 0.85], y: [0.5, 1] }, { x: [0, 0.85], y: [0, 0.5] }]
       : [{ x: [0, 0.48], y: [0, 1] }, { x: [0.48, 0.96], y: [0, 1] }];
