@@ -25,7 +25,7 @@ use crate::mesh::io::{ReadError, WriteError, check_folder_is_writable};
 use crate::optimize::StopReason;
 use crate::report::{PageError, summary, time_line, write_pages, write_results};
 use crate::verify::VerifyError;
-use output::{fault, note, print, show_error};
+use output::{fault, print, show_error};
 use progress::Progress;
 
 /// Ball parameterizations of star-shaped solids with low quasi-conformal dilatation.
