@@ -74,7 +74,7 @@ impl Axis {
             Self { logarithmic: true, .. } => {
                 let axis = axis.type_(AxisType::Log).tick_format("~r");
                 // Near and beyond a decade the ticks would be at all multiples of its powers; few of them are 1, 2, 5, 10, ...
-                if spanned(values) > 5.0 { axis.n_ticks(3) } else { axis }
+                if spanned(values) > 6.0 { axis.n_ticks(3) } else { axis }
             }
             Self { names, .. } if names.is_empty() => axis.type_(AxisType::Linear),
             Self { names, .. } => {
