@@ -25,7 +25,7 @@ use crate::mesh::io::{ReadError, WriteError, check_folder_is_writable};
 use crate::optimize::StopReason;
 use crate::report::{PageError, summary, time_line, write_pages, write_results};
 use crate::verify::VerifyError;
-use output::{note, print, show_error};
+use output::{fault, print, show_error};
 use progress::Progress;
 
 /// Ball parameterizations of star-shaped solids with low quasi-conformal dilatation.
@@ -196,10 +196,7 @@ fn report(folder: &Path) -> Result<Ending, Failure> {
 fn pages_are_written(folder: &Path) -> bool {
     let written = write_pages(folder);
     if let Err(error) = &written {
-        note(&format!(
-            "error: {error}; the results are whole, and `qcball report {}` makes the page",
-            folder.display()
-        ));
+        fault(&format!("{error}; the results are whole, and `qcball report {}` makes the page", folder.display()));
     }
     written.is_ok()
 }

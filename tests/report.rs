@@ -107,7 +107,7 @@ fn a_large_mesh_makes_a_page_below_15_megabytes() {
     assert!(fs::metadata(&page).unwrap().len() < 15_000_000);
     if let Some(browser) = Browser::find() {
         let seen = browser.open(&page, "").probe;
-        println!("100,000 tets: ready after {} ms", seen["ready"]);
+        println!("100,000 tets: ready after {} ms, complete after {} ms", seen["ready"], seen["complete"]);
         assert_eq!(seen["errors"], serde_json::json!([]));
     }
 }
@@ -117,7 +117,7 @@ struct Browser(PathBuf);
 
 /// What came of opening a page.
 struct Seen {
-    /// What the probe noted, with `errors` of the page and `ready` in milliseconds.
+    /// What the probe noted, with `errors` of the page and `ready` and `complete` in milliseconds.
     probe: Value,
     /// RGB of the page's top after the probe, row by row, and its width.
     pixels: (Vec<[u8; 3]>, usize),
@@ -156,9 +156,10 @@ impl Browser {
             "<script type=\"module\">const root = document.documentElement;
             const seen = {{}};
             const pause = () => new Promise((done) => setTimeout(done, 300));
-            while (!root.dataset.ready && !errors.length) await pause();
+            while (!root.dataset.complete && !errors.length) await pause();
             try {{ {script} }} catch (error) {{ errors.push(String(error)); }}
-            seen.errors = errors; seen.ready = Number(root.dataset.ready);
+            seen.errors = errors;
+            for (const when of ['ready', 'complete']) seen[when] = Number(root.dataset[when]);
             const note = document.createElement('pre'); note.id = 'probe'; note.hidden = true;
             note.textContent = JSON.stringify(seen); document.body.append(note);</script></body>"
         );
@@ -261,7 +262,7 @@ fn the_viewer_draws_cuts_and_changes_colours_in_a_browser() {
         ",
     );
     let probe = &seen.probe;
-    println!("ready after {} ms", probe["ready"]);
+    println!("ready after {} ms, complete after {} ms", probe["ready"], probe["complete"]);
     assert_eq!(probe["errors"], serde_json::json!([]), "{probe}");
     // The cube's surface: 6 faces of 8 * 2^2 triangles.
     assert_eq!(probe["whole"], 6 * 32, "{probe}");

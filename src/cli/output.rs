@@ -19,6 +19,12 @@ pub(super) fn note(text: &str) {
     let _ = writeln!(io::stderr(), "note: {text}");
 }
 
+/// Tells on standard error of a fault that came after results were written, so that it is not a [`Failure`].
+pub(super) fn fault(text: &str) {
+    // Nothing is left to tell it to if standard error is closed.
+    let _ = writeln!(io::stderr(), "error: {text}");
+}
+
 /// Shows a failure on standard error: a config's with its lines, any other in one paragraph.
 pub(super) fn show_error(failure: &Failure) {
     let text = match failure {

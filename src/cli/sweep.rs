@@ -8,7 +8,7 @@ use std::sync::{Mutex, PoisonError};
 use clap::{Args, ValueEnum};
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use super::output::{note, print};
+use super::output::{fault, note, print};
 use super::{Ending, Failure, interrupt, pages_are_written};
 use crate::experiment;
 use crate::mesh::io::WriteError;
@@ -113,7 +113,7 @@ pub(super) fn sweep(arguments: &SweepArguments) -> Result<Ending, Failure> {
 
 /// A fault of the folder in the middle of the work: cases were written before it, so the input was not refused.
 fn stopped(error: &WriteError) -> Ending {
-    note(&format!("error: {error}; what was done before is kept, and the same command goes on from there"));
+    fault(&format!("{error}; what was done before is kept, and the same command goes on from there"));
     Ending::Unfulfilled
 }
 

@@ -50,6 +50,13 @@ pub(super) struct Chart {
     pub(super) series: Vec<Series>,
 }
 
+/// The factor between the least and the largest of the positive values; 0 if there are none.
+fn spanned(values: impl Iterator<Item = f64>) -> f64 {
+    let positive = values.filter(|x| x.is_finite() && *x > 0.0);
+    let (least, most) = positive.fold((f64::INFINITY, 0.0), |(least, most): (f64, f64), x| (x.min(least), x.max(most)));
+    most / least
+}
+
 impl Axis {
     pub(super) fn linear(label: &str) -> Self {
         Self { label: label.into(), ..Self::default() }
@@ -57,15 +64,18 @@ impl Axis {
 
     /// Logarithmic where the positive values span more than that factor.
     pub(super) fn logarithmic_beyond(factor: f64, label: &str, values: impl Iterator<Item = f64>) -> Self {
-        let positive = values.filter(|x| x.is_finite() && *x > 0.0);
-        let (least, most) = positive.fold((f64::INFINITY, 0.0), |(least, most), x| (x.min(least), x.max(most)));
-        Self { label: label.into(), logarithmic: most > factor * least, names: Vec::new() }
+        Self { label: label.into(), logarithmic: spanned(values) > factor, names: Vec::new() }
     }
 
-    fn for_plotly(&self) -> PlotlyAxis {
+    /// For `values` on it.
+    fn for_plotly(&self, values: impl Iterator<Item = f64>) -> PlotlyAxis {
         let axis = PlotlyAxis::new().title(self.label.as_str()).auto_margin(true);
         match self {
-            Self { logarithmic: true, .. } => axis.type_(AxisType::Log),
+            Self { logarithmic: true, .. } => {
+                let axis = axis.type_(AxisType::Log).tick_format("~r");
+                // Near and beyond a decade the ticks would be at all multiples of its powers; few of them are 1, 2, 5, 10, ...
+                if spanned(values) > 6.0 { axis.n_ticks(3) } else { axis }
+            }
             Self { names, .. } if names.is_empty() => axis.type_(AxisType::Linear),
             Self { names, .. } => {
                 axis.tick_values((0..names.len()).map(|index| index as f64).collect()).tick_text(names.clone())
@@ -110,7 +120,9 @@ impl Chart {
     pub(super) fn for_plotly(&self) -> String {
         let mut plot = Plot::new();
         self.series.iter().for_each(|series| plot.add_trace(series.for_plotly()));
-        let layout = Layout::new().x_axis(self.x.for_plotly()).y_axis(self.y.for_plotly());
+        let values =
+            |axis: usize| self.series.iter().flat_map(move |one| one.points.iter().map(move |point| point[axis]));
+        let layout = Layout::new().x_axis(self.x.for_plotly(values(0))).y_axis(self.y.for_plotly(values(1)));
         plot.set_layout(layout.show_legend(true).margin(Margin::new().left(60).right(16).top(40).bottom(48)));
         plot.to_json()
     }

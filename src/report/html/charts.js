@@ -2,13 +2,14 @@
 const charts = JSON.parse(document.getElementById("charts").textContent);
 const root = document.documentElement;
 const dark = matchMedia("(prefers-color-scheme: dark)");
+const narrow = matchMedia("(max-width: 640px)");
 const settings = { responsive: true, displaylogo: false };
 const drawn = [];
 
 function colours() {
   const style = getComputedStyle(root);
   const [text, line, dim] = ["--text", "--line", "--dim"].map((name) => style.getPropertyValue(name).trim());
-  return { text, line, tools: { bgcolor: "rgba(0,0,0,0)", color: dim, activecolor: text } };
+  return { text, line, dim, tools: { bgcolor: "rgba(0,0,0,0)", color: dim, activecolor: text } };
 }
 
 function themed(layout) {
@@ -36,10 +37,12 @@ setTheme(dark.matches ? "dark" : "light");
 dark.addEventListener("change", () => setTheme(dark.matches ? "dark" : "light"));
 document.getElementById("theme").addEventListener("click", () => setTheme(root.dataset.theme === "dark" ? "light" : "dark"));
 
-function drawCharts() {
+// One after the other, so that the page answers in between.
+async function drawCharts() {
   for (const [id, { data, layout }] of Object.entries(charts)) {
     const small = document.getElementById(id).closest(".multiples") !== null;
-    const draw = () => Plotly.react(id, data, themed(layout), { ...settings, displayModeBar: !small });
+    const draw = () => Plotly.react(id, data, themed(layout), { ...settings, displayModeBar: small || narrow.matches ? false : "hover" });
+    await new Promise((done) => setTimeout(done));
     drawn.push(draw);
     draw();
   }

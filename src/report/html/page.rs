@@ -12,6 +12,13 @@ const STYLE: &str = include_str!("page.css");
 const CHARTS: &str = include_str!("charts.js");
 const VIEWER: &str = include_str!("viewer.js");
 const TABLE: &str = include_str!("table.js");
+/// Runs before plotly.js, which reads a large canvas back many times: that is slow, and warned of, unless it is told ahead.
+const READ_BACK: &str = r#"<script>
+const getContext = HTMLCanvasElement.prototype.getContext;
+HTMLCanvasElement.prototype.getContext = function (kind, options) {
+  return getContext.call(this, kind, kind === "2d" ? { willReadFrequently: true, ...options } : options);
+};
+</script>"#;
 
 /// A page in the making.
 #[derive(Debug, Default)]
@@ -72,7 +79,7 @@ impl Page {
             if let Some(viewer) = &self.viewer {
                 writeln!(file, "{}", data("viewer-data", viewer))?;
             }
-            writeln!(file, "{}", plotly_script())?;
+            writeln!(file, "{READ_BACK}\n{}", plotly_script())?;
             writeln!(file, "<script type=\"module\">\n{CHARTS}\n{TABLE}\n{VIEWER}\n</script>\n</body>\n</html>")
         })
     }

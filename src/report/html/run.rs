@@ -92,14 +92,14 @@ fn in_short(report: &Value, summary: &str) -> String {
     let cards: String =
         cards.iter().map(|(name, value)| format!("<div><dt>{name}</dt><dd>{}</dd></div>", text(value))).collect();
     let mut words = format!(
-        "{solid}, as a mesh of {tets} tets and {vertices} vertices, was mapped onto the unit ball. From the radial map to the \
+        "A mesh of {tets} tets and {vertices} vertices ({solid}) was mapped onto the unit ball. From the radial map to the \
          final one the largest K went from {} to {} and the mean K from {} to {}, in {} iterations.",
         of("/initial/max_k"),
         of("/final/max_k"),
         of("/initial/mean_k"),
         of("/final/mean_k"),
         report["iterations"],
-        solid = capital(report["domain"]["solid"].as_str().unwrap_or("A solid")),
+        solid = report["domain"]["solid"].as_str().unwrap_or("a given solid"),
         tets = report["domain"]["tets"],
         vertices = report["domain"]["vertices"],
     );

@@ -67,14 +67,22 @@ pub(super) fn page(folder: &Path) -> Result<Page, PageError> {
     Ok(Page { title: format!("qcball sweep: {name}"), sections, charts, viewer: None })
 }
 
-/// A value as a cell of a table.
+/// A result as a cell of a table: a dilatation or a ratio with five decimals, since columns are compared by eye; index.csv
+/// has all digits.
+fn result(value: &Value) -> String {
+    match value.as_f64() {
+        Some(x) if value.is_f64() => format!("{x:.5}"),
+        _ => plain(value),
+    }
+}
+
+/// A value in as few digits as it takes, at most five decimals.
 fn plain(value: &Value) -> String {
     match value {
         Value::Null => String::new(),
         Value::String(text) => text.clone(),
         Value::Number(number) if number.is_f64() => {
             let x = number.as_f64().unwrap_or(f64::NAN);
-            // Six digits: the table is for looking, index.csv has them all.
             format!("{x:.5}").trim_end_matches('0').trim_end_matches('.').to_string()
         }
         other => other.to_string(),
@@ -115,7 +123,7 @@ fn in_short(index: &Index, front: &[(&Value, [f64; 2])]) -> String {
     let mut html = paragraph(&(words + "."));
     if let (Some((least_max, [max, _])), Some((least_mean, [_, mean]))) = (front.first(), front.last()) {
         html += &paragraph(&format!(
-            "The least largest K is {max:.4}, of case {} ({}); the least mean K is {mean:.4}, of case {} ({}). {} cases are on \
+            "The smallest max K is {max:.4}, of case {} ({}); the smallest mean K is {mean:.4}, of case {} ({}). {} cases are on \
              the Pareto front: no other case is better in one of the two and not worse in the other.",
             least_max["case"],
             settings_in_words(least_max),
@@ -202,9 +210,10 @@ fn table(index: &Index) -> String {
         rows += "<tr>";
         for &(name, group) in &columns {
             let value = group.map_or(&case[name], |group| &case[group][name]);
-            let shown = text(&plain(value));
+            let shown = text(&if group == Some("results") { result(value) } else { plain(value) });
             rows += &match (name, case["status"] == "done") {
                 ("id", true) => format!("<td><a href=\"cases/{shown}/\">{shown}</a></td>"),
+                _ if value.is_number() => format!("<td class=\"number\">{shown}</td>"),
                 _ => format!("<td>{shown}</td>"),
             };
         }

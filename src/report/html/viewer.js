@@ -2,7 +2,9 @@
 const embedded = document.getElementById("viewer-data");
 
 async function unpack(text, Type) {
-  const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  const letters = atob(text);
+  const bytes = new Uint8Array(letters.length);
+  for (let at = 0; at < bytes.length; at++) bytes[at] = letters.charCodeAt(at);
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
   return new Type(await new Response(stream).arrayBuffer());
 }
@@ -129,6 +131,18 @@ async function startViewer() {
     ];
   }
 
+  // An octahedron around the bottleneck. Not a marker of a scatter3d: its shaders take 0.2 s to compile.
+  function bottleneck(scene, side) {
+    const trace = { type: "mesh3d", scene, hoverinfo: "skip", flatshading: true, color: "#ff2d55" };
+    if (!marker) return { ...trace, visible: false };
+    const size = 0.025 * Math.max(...surfaces.frames[side].extent);
+    const corners = [0, 1, 2].flatMap((axis) => [size, -size].map((step) => marker[side].map((value, other) => value + (other === axis ? step : 0))));
+    const [x, y, z] = [0, 1, 2].map((axis) => corners.map((corner) => corner[axis]));
+    const faces = [0, 1].flatMap((i) => [2, 3].flatMap((j) => [4, 5].map((k) => [i, j, k])));
+    const [i, j, k] = [0, 1, 2].map((which) => faces.map((face) => face[which]));
+    return { ...trace, x, y, z, i, j, k };
+  }
+
   function traces(surface) {
     const text = Array.from(surface.cells, (_, triangle) => words(surface, triangle).join("<br>"));
     const corner = (which) => Array.from({ length: surface.cells.length }, (_, triangle) => surface.triangles[3 * triangle + which]);
@@ -139,11 +153,6 @@ async function startViewer() {
         type: "mesh3d", scene, x, y, z, i, j, k, text, hovertemplate: "%{text}<extra></extra>", flatshading: true,
         lighting: { ambient: 0.75, diffuse: 0.35, specular: 0.02, roughness: 0.9 }, ...colouring(surface, scene),
       };
-      const cross = {
-        type: "scatter3d", scene, mode: "markers", x: [], y: [], z: [], hoverinfo: "skip", showlegend: false,
-        marker: { symbol: "cross", size: 5, color: "#ff2d55" },
-      };
-      if (marker) [cross.x, cross.y, cross.z] = marker[side].map((value) => [value]);
       const lines = { type: "scatter3d", scene, mode: "lines", x: [], y: [], z: [], hoverinfo: "skip", showlegend: false, line: { width: 1, color: "rgba(0,0,0,0.55)" } };
       if (byId("edges").checked) {
         for (let triangle = 0; triangle < surface.cells.length; triangle++) {
@@ -153,21 +162,31 @@ async function startViewer() {
           lines.x.push(null); lines.y.push(null); lines.z.push(null);
         }
       }
-      return [mesh, cross, lines];
+      return [mesh, bottleneck(scene, side), lines];
     });
   }
 
   function layout() {
     const hidden = { visible: false, showspikes: false };
     const scene = { xaxis: hidden, yaxis: hidden, zaxis: hidden, aspectmode: "data", camera, dragmode: "orbit" };
+    // On a narrow window the image stands below the domain.
+    const places = narrow.matches
+      ? [{ x: [0, 0.85], y: [0.5, 1] }, { x: [0, 0.85], y: [0, 0.5] }]
+      : [{ x: [0, 0.48], y: [0, 1] }, { x: [0.48, 0.96], y: [0, 1] }];
+    const title = (text, { x, y }) => ({
+      text, x: (x[0] + x[1]) / 2, y: y[1], xref: "paper", yref: "paper", yanchor: "top", showarrow: false, font: { size: 14, color: colours().dim },
+    });
     return {
-      scene: { ...scene, domain: { x: [0, 0.48], y: [0, 1] } }, scene2: { ...scene, domain: { x: [0.48, 0.96], y: [0, 1] } },
+      scene: { ...scene, domain: places[0] }, scene2: { ...scene, domain: places[1] },
+      annotations: [title("domain", places[0]), title("image", places[1])],
       margin: { l: 0, r: 0, t: 0, b: 0 }, paper_bgcolor: "rgba(0,0,0,0)", font: { color: colours().text }, modebar: colours().tools,
       hoverlabel: { align: "left" }, showlegend: false,
     };
   }
 
-  const draw = () => Plotly.react(box, traces(shown), layout(), settings);
+  // Plotly's own default draws four times the pixels of the screen.
+  const sharp = { ...settings, plotGlPixelRatio: Math.max(1, devicePixelRatio) };
+  const draw = () => Plotly.react(box, traces(shown), layout(), sharp);
 
   async function update() {
     const axis = byId("axis").value;
@@ -209,6 +228,7 @@ async function startViewer() {
   level.value = (surfaces.cuts[2].length - 1) / 2;
   await update();
   drawn.push(draw);
+  narrow.addEventListener("change", draw);
   for (const id of ["axis", "level", "flip", "edges"]) byId(id).addEventListener("input", update);
   byId("colour").addEventListener("input", draw);
   for (const name of ["plotly_relayouting", "plotly_relayout"]) {
@@ -241,6 +261,8 @@ async function startViewer() {
 }
 
 if (embedded) await startViewer();
-drawCharts();
-// When all was drawn, in milliseconds since the page was opened.
+// Times in milliseconds since the page was opened: when the viewer could be used, and when all was drawn.
 root.dataset.ready = Math.round(performance.now());
+await drawCharts();
+root.dataset.complete = Math.round(performance.now());
+
