@@ -7,7 +7,7 @@ mod system;
 
 pub use iterative::BlockConjugateGradients;
 pub use sparse::{BlockCholesky, SparseError};
-pub use svd::{Svd, svd};
+pub use svd::{LANES, Svd, svd, svds};
 pub use system::{Method, NewtonSystem};
 
 /// A point or vector of three-space.

@@ -5,8 +5,8 @@ use rayon::prelude::*;
 use super::element::{ElementDerivatives, centred_logs, gradient_from};
 use super::{Barrier, Iterate, TetEnergy};
 use crate::domain::Domain;
-use crate::linalg::{Method, NewtonSystem, SparseError, Svd};
-use crate::mesh::Vec3;
+use crate::linalg::{Method, NewtonSystem, SparseError, Svd, svd};
+use crate::mesh::{TetId, Vec3};
 
 /// Tets a parallel task works on at once; fixed, so that partial sums do not depend on the number of threads.
 pub(super) const CHUNK: usize = 1024;
@@ -131,6 +131,18 @@ impl<'d> Assembly<'d> {
         let partial: Vec<f64> = iterate.decompositions().par_chunks(CHUNK).enumerate().map(chunk_sum).collect();
         let total: f64 = partial.iter().sum();
         total.is_finite().then_some(total)
+    }
+
+    /// The tets whose energy is infinite.
+    pub fn infinite<E: TetEnergy>(&self, energy: &E, iterate: &Iterate) -> Vec<usize> {
+        let tets = iterate.decompositions().par_iter().enumerate().with_min_len(CHUNK);
+        tets.filter(|(t, tet)| !energy.value(*t, tet.values).is_finite()).map(|(t, _)| t).collect()
+    }
+
+    /// Whether the energy is finite on some tets.
+    pub fn is_finite_on<E: TetEnergy>(&self, energy: &E, tets: &[usize], image: &[Vec3]) -> bool {
+        let value = |t: usize| energy.value(t, svd(&self.domain.jacobian(TetId(t as u32), image)).values);
+        tets.iter().all(|&t| value(t).is_finite())
     }
 
     /// Fills the Newton system with the Hessian, its elements' negative curvature multiplied by `negative`, and returns the gradient (three entries an

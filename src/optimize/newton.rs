@@ -133,9 +133,10 @@ pub(super) fn line_search<E: TetEnergy>(
     accept: impl Fn(f64, f64) -> bool,
 ) -> Option<(f64, f64, Iterate)> {
     let mut step = longest;
+    let mut trials = Trials::default();
     for _ in 0..HALVINGS {
-        let trial = assembly.at(moved(assembly, iterate.image(), direction, step));
-        if let Some(value) = assembly.value(energy, &trial)
+        if let Some((value, trial)) =
+            trials.evaluate(assembly, energy, moved(assembly, iterate.image(), direction, step))
             && accept(value, step)
         {
             return Some((step, value, trial));
@@ -143,6 +144,33 @@ pub(super) fn line_search<E: TetEnergy>(
         step *= 0.5;
     }
     None
+}
+
+/// The trials of a line search, most of which fail because of the same few tets.
+#[derive(Default)]
+pub(super) struct Trials {
+    /// Tets whose energy was infinite at the last trial that was decomposed; those are looked at first.
+    infinite: Vec<usize>,
+}
+
+impl Trials {
+    /// The energy at some positions and the iterate there; `None` if it is infinite.
+    pub(super) fn evaluate<E: TetEnergy>(
+        &mut self,
+        assembly: &Assembly<'_>,
+        energy: &E,
+        image: Vec<Vec3>,
+    ) -> Option<(f64, Iterate)> {
+        if !assembly.is_finite_on(energy, &self.infinite, &image) {
+            return None;
+        }
+        let trial = assembly.at(image);
+        let value = assembly.value(energy, &trial);
+        if value.is_none() {
+            self.infinite = assembly.infinite(energy, &trial);
+        }
+        Some((value?, trial))
+    }
 }
 
 /// The positions after a step of the free vertices along a direction.

@@ -6,7 +6,7 @@
 //! to 1e-6, and with a thousand active tets on a curved surface it crawls: its steps may not leave the feasible set.
 //! Here they may, at the price of [`PrimalDual::penalty`].
 
-use super::newton::{PhaseEnd, dot, factorize_damped, less_negative, moved};
+use super::newton::{PhaseEnd, Trials, dot, factorize_damped, less_negative, moved};
 use super::{KktResidual, Progress, Recorder};
 use crate::mesh::{TetId, Vec3};
 use crate::objective::{Assembly, Barrier, Iterate, Multiplier, NearActive, PrimalDual, log_dilatations};
@@ -346,15 +346,17 @@ fn step(
     let restoring: f64 =
         rows.iter().zip(&newton.changes).map(|(row, change)| row.stiffness() * row.at.residual * change).sum();
     let slope = dot(&system.positions, &newton.direction) + system.bound * newton.bound - restoring;
-    let attempt = |assembly: &Assembly<'_>, step: &Step, length: f64| {
-        let trial = assembly.at(moved(assembly, iterate.image(), &step.direction, length));
+    let mut trials = Trials::default();
+    let mut attempt = |assembly: &Assembly<'_>, step: &Step, length: f64| {
+        let image = moved(assembly, iterate.image(), &step.direction, length);
         let mut at_trial = problem.clone();
         at_trial.bound += length * step.bound;
-        let merit = assembly.value(&at_trial, &trial)? + at_trial.bound;
+        let (value_at_trial, trial) = trials.evaluate(assembly, &at_trial, image)?;
+        let merit = value_at_trial + at_trial.bound;
         let enough = value + ARMIJO * length * slope.min(0.0) + ROUNDING * value.abs();
         (merit <= enough).then_some((length, trial, at_trial))
     };
-    let corrected = |assembly: &mut Assembly<'_>| {
+    let correct = |assembly: &mut Assembly<'_>| -> Option<Step> {
         let trial = moved(assembly, iterate.image(), &newton.direction, 1.0);
         let errors: Vec<f64> = rows
             .iter()
@@ -364,11 +366,10 @@ fn step(
                 Some(functions[row.side].value - row.value - change - newton.bound)
             })
             .collect::<Option<_>>()?;
-        let step = system.solve(assembly, rows, &errors);
-        attempt(assembly, &step, 1.0)
+        Some(system.solve(assembly, rows, &errors))
     };
     let accepted = attempt(assembly, &newton, 1.0)
-        .or_else(|| corrected(assembly))
+        .or_else(|| correct(assembly).and_then(|corrected| attempt(assembly, &corrected, 1.0)))
         .or_else(|| (1..=HALVINGS).find_map(|halvings| attempt(assembly, &newton, 0.5f64.powi(halvings as i32))));
     let (length, trial, mut at_trial) = accepted?;
     let changes: Vec<f64> = rows

@@ -1,13 +1,14 @@
-//! `cargo bench`: tets a second of the energy's value, gradient and Hessian, beside the machine's memory bandwidth and what
+//! `cargo bench`: tets a second of a map's decomposition and, of decomposed maps, of the
+//! energy's value, gradient and Hessian, beside the machine's memory bandwidth and what
 //! the bandwidth would allow if nothing but the operands had to be moved.
 
 use divan::Bencher;
 use divan::counter::{BytesCount, ItemsCount};
-use qcball::linalg::{Method, svd};
+use qcball::linalg::Method;
 use qcball::map::{RadialCoordinates, caraman};
 use qcball::objective::{Assembly, Iterate, SoftMax};
 use qcball::solid::{ShellSettings, Solid, shell_mesh};
-use qcball::{Domain, TetId, Vec3};
+use qcball::{Domain, Vec3};
 
 fn main() {
     divan::main();
@@ -57,11 +58,9 @@ fn gradient_and_hessian(bencher: Bencher<'_, '_>, layers: u32) {
 }
 
 #[divan::bench(args = LAYERS)]
-fn singular_values(bencher: Bencher<'_, '_>, layers: u32) {
-    let (domain, image) = radial(layers);
-    let tets = domain.mesh().tets().len();
-    bencher.counter(ItemsCount::new(tets)).bench_local(|| {
-        (0..tets as u32).map(|t| svd(&domain.jacobian(TetId(t), &image)).values[2]).fold(f64::INFINITY, f64::min)
+fn decompositions(bencher: Bencher<'_, '_>, layers: u32) {
+    on_radial(bencher, layers, |assembly, _, iterate| {
+        divan::black_box(assembly.at(iterate.image().to_vec()));
     });
 }
 
