@@ -5,8 +5,8 @@ use rayon::prelude::*;
 use super::element::{ElementDerivatives, centred_logs, gradient_from};
 use super::{Barrier, Iterate, TetEnergy};
 use crate::domain::Domain;
-use crate::linalg::{Method, NewtonSystem, SparseError, Svd, svd};
-use crate::mesh::{TetId, Vec3};
+use crate::linalg::{Method, NewtonSystem, SparseError, Svd, reverse_cuthill_mckee, svd};
+use crate::mesh::{TetId, Vec3, VertexId};
 
 /// Tets a parallel task works on at once; fixed, so that partial sums do not depend on the number of threads.
 pub(super) const CHUNK: usize = 1024;
@@ -70,26 +70,19 @@ impl<'d> Assembly<'d> {
         if tets.len() >= u32::MAX as usize / 20 {
             return Err(SparseError::TooLarge);
         }
-        let free: Vec<u32> = (0..fixed.len() as u32).filter(|&v| !fixed[v as usize]).collect();
-        let mut unknown_of = vec![None; fixed.len()];
-        for (unknown, &vertex) in free.iter().enumerate() {
-            unknown_of[vertex as usize] = Some(unknown as u32);
+        let mut free: Vec<u32> = (0..fixed.len() as u32).filter(|&v| !fixed[v as usize]).collect();
+        let mut unknown_of = positions_in(&free, fixed.len());
+        if method == Method::Iterative {
+            let order = reverse_cuthill_mckee(free.len(), &edges(tets, &unknown_of));
+            free = order.into_iter().map(|i| free[i as usize]).collect();
+            unknown_of = positions_in(&free, fixed.len());
         }
         let local = |tet: usize, v: usize| unknown_of[tets[tet][v].index()];
         let corners = Gather::new(
             free.len(),
             (0..tets.len()).flat_map(|t| (0..4).filter_map(move |v| Some((local(t, v)? as usize, (4 * t + v) as u32)))),
         );
-        let mut edges: Vec<(u32, u32)> = (0..tets.len())
-            .flat_map(|t| {
-                ElementDerivatives::PAIRS.iter().filter_map(move |&(v, w)| {
-                    let (a, b) = (local(t, v)?, local(t, w)?);
-                    (a != b).then_some((a.max(b), a.min(b)))
-                })
-            })
-            .collect();
-        edges.sort_unstable();
-        edges.dedup();
+        let edges = edges(tets, &unknown_of);
         let system = NewtonSystem::new(method, free.len(), &edges)?;
         let slot = |row: u32, column: u32| {
             let (start, end) = (system.column_starts()[column as usize], system.column_starts()[column as usize + 1]);
@@ -107,7 +100,7 @@ impl<'d> Assembly<'d> {
         Ok(Self { domain, free, corners, blocks, system, elements: Vec::new(), gradient_scale: 0.0 })
     }
 
-    /// The free vertices, ascending; unknown `i` is the position of `free()[i]`.
+    /// The free vertices; unknown `i` is the position of `free()[i]`.
     pub fn free(&self) -> &[u32] {
         &self.free
     }
@@ -278,6 +271,28 @@ impl<'d> Assembly<'d> {
         let partial: Vec<f64> = corners.map(|corners| corners.iter().map(|&c| term(c as usize)).sum()).collect();
         partial.iter().sum()
     }
+}
+
+/// For each of `count` vertices its position in a list.
+fn positions_in(list: &[u32], count: usize) -> Vec<Option<u32>> {
+    let mut positions = vec![None; count];
+    for (position, &vertex) in (0..).zip(list) {
+        positions[vertex as usize] = Some(position);
+    }
+    positions
+}
+
+/// The pairs (larger, smaller) of unknowns that share a tet.
+fn edges(tets: &[[VertexId; 4]], unknown_of: &[Option<u32>]) -> Vec<(u32, u32)> {
+    let pairs = tets.iter().flat_map(|tet| ElementDerivatives::PAIRS.map(|(v, w)| (tet[v], tet[w])));
+    let mut edges: Vec<(u32, u32)> = pairs
+        .filter_map(|(v, w)| Some((unknown_of[v.index()]?, unknown_of[w.index()]?)))
+        .filter(|(a, b)| a != b)
+        .map(|(a, b)| (a.max(b), a.min(b)))
+        .collect();
+    edges.sort_unstable();
+    edges.dedup();
+    edges
 }
 
 /// The value slices of the block columns.
