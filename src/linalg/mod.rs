@@ -2,6 +2,7 @@
 
 mod iterative;
 mod ordering;
+mod pattern;
 mod sparse;
 mod svd;
 mod system;
