@@ -17,14 +17,16 @@ pub struct Svd {
 /// a singular value (at most of first order in it) is of the size of rounding.
 const ORTHOGONAL: f64 = 1e-15;
 
-/// Bound on the cosine between two columns, over their relative gap, below which a sweep is the last one: it leaves cosines of
-/// at most the square of this, far below [`ORTHOGONAL`].
+/// Bound on the cosine between two columns, over the relative gap of their squared norms, below which a sweep is the last
+/// one. That quotient is also the angle of the rotation, so what the sweep's later rotations bring back into a cosine that
+/// was made 0 is of the order of the square of this, below [`ORTHOGONAL`].
 const SETTLED: f64 = 1e-8;
 
-/// Sweeps over the Gram matrix: after three its off-diagonal entries are those of rounding but for one matrix in three.
+/// Sweeps over the Gram matrix: after three nothing but rounding is left off the diagonal of most.
 const GRAM_SWEEPS: usize = 3;
 
-/// Sweeps over the columns always needed so far: 1 or 2 (cyclic Jacobi converges quadratically); the cap only bounds the loop.
+/// Sweeps over the columns needed: 1, for some in a hundred 2, of 500,000 matrices of condition up to 1e4 none 3. The cap
+/// only bounds the loop.
 const MAX_SWEEPS: usize = 30;
 
 /// Matrices that [`svds`] is best called with at once.

@@ -56,7 +56,8 @@ impl Iterate {
         self.logs().map(|logs| logs.map(|logs| 3.0 * logs[0].max(-logs[2]))).collect()
     }
 
-    /// `ln K_O` and `ln K_I` of a tet of the domain, see [`log_dilatations`](super::log_dilatations()); `None` if it is flipped.
+    /// `ln K_O` and `ln K_I` of a tet of the domain, see [`log_dilatations`](super::log_dilatations()); `None` if it is
+    /// flipped.
     pub fn functions(&self, domain: &Domain, tet: usize) -> Option<[TetFunction; 2]> {
         of_decomposition(&self.decompositions()[tet], &domain.inverse_edges()[tet])
     }
