@@ -66,8 +66,8 @@ impl Iterate {
     pub fn largest_log(&self) -> Option<f64> {
         let mut largest = 1.0f64;
         for [s1, s2, s3] in self.decompositions().iter().map(|decomposition| decomposition.values) {
-            // Not a number either.
-            if !(s3 > 0.0) {
+            // A maximum would pass over what is not a number.
+            if s3 <= 0.0 || s3.is_nan() {
                 return None;
             }
             largest = largest.max((s1 / s2) * (s1 / s3)).max((s1 / s3) * (s2 / s3));
