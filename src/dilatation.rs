@@ -24,7 +24,11 @@ impl Dilatation {
     /// The dilatations of the linear map `jacobian`: [`Dilatation::FLIPPED`] where its determinant is not positive, and
     /// growing without bound as det -> 0.
     pub fn of(jacobian: &Mat3) -> Self {
-        let [s1, s2, s3] = svd(jacobian).values;
+        Self::of_singular_values(svd(jacobian).values)
+    }
+
+    /// The dilatations of the linear map with the signed singular values `s1 >= s2 >= |s3|`, as for [`Dilatation::of`].
+    pub fn of_singular_values([s1, s2, s3]: [f64; 3]) -> Self {
         if s3 <= 0.0 {
             return Self::FLIPPED;
         }

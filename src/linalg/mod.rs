@@ -1,13 +1,16 @@
 //! The two pieces of linear algebra that need care here: the 3x3 singular value decomposition and the sparse SPD solve.
 
 mod iterative;
+mod ordering;
+mod pattern;
 mod sparse;
 mod svd;
 mod system;
 
 pub use iterative::BlockConjugateGradients;
+pub use ordering::reverse_cuthill_mckee;
 pub use sparse::{BlockCholesky, SparseError};
-pub use svd::{Svd, svd};
+pub use svd::{LANES, Svd, svd, svds};
 pub use system::{Method, NewtonSystem};
 
 /// A point or vector of three-space.

@@ -7,7 +7,7 @@ use super::{BlockCholesky, BlockConjugateGradients, SparseError};
 pub enum Method {
     /// To rounding, by a sparse factor whose time grows with the square of the number of vertices.
     Direct,
-    /// To a thousandth of the residual, in memory that grows with the number of vertices.
+    /// To a hundredth of the residual, in memory that grows with the number of vertices.
     Iterative,
 }
 

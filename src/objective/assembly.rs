@@ -3,13 +3,13 @@
 use rayon::prelude::*;
 
 use super::element::{ElementDerivatives, centred_logs, gradient_from};
-use super::{Barrier, TetEnergy};
+use super::{Barrier, Iterate, TetEnergy};
 use crate::domain::Domain;
-use crate::linalg::{Method, NewtonSystem, SparseError, svd};
-use crate::mesh::{TetId, Vec3};
+use crate::linalg::{Method, NewtonSystem, SparseError, Svd, reverse_cuthill_mckee, svd};
+use crate::mesh::{TetId, Vec3, VertexId};
 
 /// Tets a parallel task works on at once; fixed, so that partial sums do not depend on the number of threads.
-const CHUNK: usize = 1024;
+pub(super) const CHUNK: usize = 1024;
 
 /// The maps from tets to unknowns of one domain with some vertices free, and the workspace of its Newton systems.
 ///
@@ -23,6 +23,8 @@ pub struct Assembly<'d> {
     /// For each stored block of the system, its contributions `20 * tet + 2 * local pair + transposed`.
     blocks: Gather,
     system: NewtonSystem,
+    /// Of the last linearisation; kept so that its memory is taken from the system once.
+    elements: Vec<ElementDerivatives>,
     gradient_scale: f64,
 }
 
@@ -68,26 +70,19 @@ impl<'d> Assembly<'d> {
         if tets.len() >= u32::MAX as usize / 20 {
             return Err(SparseError::TooLarge);
         }
-        let free: Vec<u32> = (0..fixed.len() as u32).filter(|&v| !fixed[v as usize]).collect();
-        let mut unknown_of = vec![None; fixed.len()];
-        for (unknown, &vertex) in free.iter().enumerate() {
-            unknown_of[vertex as usize] = Some(unknown as u32);
+        let mut free: Vec<u32> = (0..fixed.len() as u32).filter(|&v| !fixed[v as usize]).collect();
+        let mut unknown_of = positions_in(&free, fixed.len());
+        if method == Method::Iterative {
+            let order = reverse_cuthill_mckee(free.len(), &edges(tets, &unknown_of));
+            free = order.into_iter().map(|i| free[i as usize]).collect();
+            unknown_of = positions_in(&free, fixed.len());
         }
         let local = |tet: usize, v: usize| unknown_of[tets[tet][v].index()];
         let corners = Gather::new(
             free.len(),
             (0..tets.len()).flat_map(|t| (0..4).filter_map(move |v| Some((local(t, v)? as usize, (4 * t + v) as u32)))),
         );
-        let mut edges: Vec<(u32, u32)> = (0..tets.len())
-            .flat_map(|t| {
-                ElementDerivatives::PAIRS.iter().filter_map(move |&(v, w)| {
-                    let (a, b) = (local(t, v)?, local(t, w)?);
-                    (a != b).then_some((a.max(b), a.min(b)))
-                })
-            })
-            .collect();
-        edges.sort_unstable();
-        edges.dedup();
+        let edges = edges(tets, &unknown_of);
         let system = NewtonSystem::new(method, free.len(), &edges)?;
         let slot = |row: u32, column: u32| {
             let (start, end) = (system.column_starts()[column as usize], system.column_starts()[column as usize + 1]);
@@ -102,10 +97,10 @@ impl<'d> Assembly<'d> {
                 })
             }),
         );
-        Ok(Self { domain, free, corners, blocks, system, gradient_scale: 0.0 })
+        Ok(Self { domain, free, corners, blocks, system, elements: Vec::new(), gradient_scale: 0.0 })
     }
 
-    /// The free vertices, ascending; unknown `i` is the position of `free()[i]`.
+    /// The free vertices; unknown `i` is the position of `free()[i]`.
     pub fn free(&self) -> &[u32] {
         &self.free
     }
@@ -115,65 +110,59 @@ impl<'d> Assembly<'d> {
         self.domain
     }
 
-    /// The signed singular values of every tet's Jacobian.
-    pub fn singular_values(&self, image: &[Vec3]) -> Vec<[f64; 3]> {
-        (0..self.domain.mesh().tets().len() as u32)
-            .into_par_iter()
-            .with_min_len(CHUNK)
-            .map(|t| svd(&self.domain.jacobian(TetId(t), image)).values)
-            .collect()
-    }
-
-    /// ln K of every tet; `None` if one is flipped.
-    pub fn log_dilatations(&self, image: &[Vec3]) -> Option<Vec<f64>> {
-        let values = self.singular_values(image);
-        values.iter().map(|&s| centred_logs(s).map(|logs| 3.0 * logs[0].max(-logs[2]))).collect()
-    }
-
-    /// The largest |l| of a map, so that `max K = exp(3 * largest)`; `None` if a tet is flipped.
-    pub fn largest_log(&self, image: &[Vec3]) -> Option<f64> {
-        let values = self.singular_values(image);
-        values.iter().try_fold(0.0f64, |largest, &s| {
-            let logs = centred_logs(s)?;
-            Some(largest.max(logs[0]).max(-logs[2]))
-        })
+    /// The map with these positions, decomposed.
+    pub fn at(&self, image: Vec<Vec3>) -> Iterate {
+        Iterate::new(self.domain, image)
     }
 
     /// The energy; `None` if a tet is flipped or the energy infinite.
-    pub fn value<E: TetEnergy>(&self, energy: &E, image: &[Vec3]) -> Option<f64> {
-        let count = self.domain.mesh().tets().len();
-        let partial: Vec<f64> = (0..count.div_ceil(CHUNK))
-            .into_par_iter()
-            .map(|chunk| {
-                let mut sum = 0.0;
-                for t in chunk * CHUNK..((chunk + 1) * CHUNK).min(count) {
-                    sum += energy.value(t, svd(&self.domain.jacobian(TetId(t as u32), image)).values);
-                }
-                sum
-            })
-            .collect();
+    pub fn value<E: TetEnergy>(&self, energy: &E, iterate: &Iterate) -> Option<f64> {
+        let chunk_sum = |(chunk, decompositions): (usize, &[Svd])| -> f64 {
+            let tets = chunk * CHUNK..;
+            tets.zip(decompositions).map(|(t, decomposition)| energy.value(t, decomposition.values)).sum()
+        };
+        let partial: Vec<f64> = iterate.decompositions().par_chunks(CHUNK).enumerate().map(chunk_sum).collect();
         let total: f64 = partial.iter().sum();
         total.is_finite().then_some(total)
     }
 
+    /// The tets whose energy is infinite.
+    pub fn infinite<E: TetEnergy>(&self, energy: &E, iterate: &Iterate) -> Vec<usize> {
+        let tets = iterate.decompositions().par_iter().enumerate().with_min_len(CHUNK);
+        tets.filter(|(t, tet)| !energy.value(*t, tet.values).is_finite()).map(|(t, _)| t).collect()
+    }
+
+    /// Whether the energy is finite on some tets.
+    pub fn is_finite_on<E: TetEnergy>(&self, energy: &E, tets: &[usize], image: &[Vec3]) -> bool {
+        let value = |t: usize| energy.value(t, svd(&self.domain.jacobian(TetId(t as u32), image)).values);
+        tets.iter().all(|&t| value(t).is_finite())
+    }
+
     /// Fills the Newton system with the Hessian, its elements' negative curvature multiplied by `negative`, and returns the gradient (three entries an
     /// unknown); `None` if a tet is flipped or the energy infinite.
-    pub fn linearize<E: TetEnergy>(&mut self, energy: &E, image: &[Vec3], negative: f64) -> Option<Vec<f64>> {
-        let elements: Vec<Option<ElementDerivatives>> = (0..self.domain.mesh().tets().len())
-            .into_par_iter()
+    pub fn linearize<E: TetEnergy>(&mut self, energy: &E, iterate: &Iterate, negative: f64) -> Option<Vec<f64>> {
+        let inverse_edges = self.domain.inverse_edges();
+        self.elements.resize(inverse_edges.len(), ElementDerivatives::default());
+        let finite = self
+            .elements
+            .par_iter_mut()
+            .zip(iterate.decompositions())
+            .enumerate()
             .with_min_len(CHUNK)
-            .map(|t| {
-                let jacobian = self.domain.jacobian(TetId(t as u32), image);
-                ElementDerivatives::new(energy, t, &jacobian, &self.domain.inverse_edges()[t], negative)
+            .map(|(t, (element, decomposition))| {
+                let spectrum = energy.spectrum(t, decomposition.values, negative);
+                spectrum.map(|spectrum| element.fill(decomposition, &spectrum, &inverse_edges[t])).is_some()
             })
-            .collect();
-        let elements: Vec<ElementDerivatives> = elements.into_iter().collect::<Option<_>>()?;
+            .reduce(|| true, |a, b| a && b);
+        if !finite {
+            return None;
+        }
+        let elements = &self.elements;
         let gradient = self.gather(|corner| elements[corner / 4].gradient[corner % 4]);
-        self.gradient_scale =
-            self.corners.items.iter().map(|&c| elements[c as usize / 4].gradient[c as usize % 4].norm()).sum();
+        self.gradient_scale = self.sum_over_corners(|corner| elements[corner / 4].gradient[corner % 4].norm());
         let starts = self.system.column_starts().to_vec();
         let mut columns = split_columns(self.system.values_mut(), &starts);
-        let blocks = &self.blocks;
+        let (blocks, elements) = (&self.blocks, &self.elements);
         columns.par_iter_mut().enumerate().with_min_len(64).for_each(|(column, values)| {
             let height = starts[column + 1] - starts[column];
             for k in 0..height {
@@ -194,18 +183,13 @@ impl<'d> Assembly<'d> {
     }
 
     /// The gradient of an energy; `None` if it is infinite.
-    pub fn gradient<E: TetEnergy>(&self, energy: &E, image: &[Vec3]) -> Option<Vec<f64>> {
-        self.gradient_of(image, |tet, s| Some(energy.spectrum(tet, s, 1.0)?.slope))
-    }
-
-    /// The derivative of a barrier's gradient with respect to its bound.
-    pub fn mixed_gradient(&self, barrier: &Barrier, image: &[Vec3]) -> Option<Vec<f64>> {
-        self.gradient_of_logs(image, |_, logs| logs.map(|log| barrier.mixed_derivative(log)))
+    pub fn gradient<E: TetEnergy>(&self, energy: &E, iterate: &Iterate) -> Option<Vec<f64>> {
+        self.gradient_of(iterate, |tet, s| Some(energy.spectrum(tet, s, 1.0)?.slope))
     }
 
     /// The first two derivatives of a barrier's sum with respect to its bound.
-    pub fn bound_derivatives(&self, barrier: &Barrier, image: &[Vec3]) -> Option<(f64, f64)> {
-        let sums = self.sum_of_logs(image, |_, logs| {
+    pub fn bound_derivatives(&self, barrier: &Barrier, iterate: &Iterate) -> Option<(f64, f64)> {
+        let sums = self.sum_of_logs(iterate, |_, logs| {
             let [a, b, c] = logs.map(|log| barrier.bound_derivatives(log));
             [a.0 + b.0 + c.0, a.1 + b.1 + c.1]
         })?;
@@ -215,12 +199,12 @@ impl<'d> Assembly<'d> {
     /// Sums of functions of a tet and its centred logs; `None` if a tet is flipped.
     pub fn sum_of_logs<const N: usize>(
         &self,
-        image: &[Vec3],
+        iterate: &Iterate,
         terms: impl Fn(usize, [f64; 3]) -> [f64; N],
     ) -> Option<[f64; N]> {
         let mut sums = [0.0; N];
-        for (tet, values) in self.singular_values(image).into_iter().enumerate() {
-            for (sum, term) in sums.iter_mut().zip(terms(tet, centred_logs(values)?)) {
+        for (tet, logs) in iterate.logs().enumerate() {
+            for (sum, term) in sums.iter_mut().zip(terms(tet, logs?)) {
                 *sum += term;
             }
         }
@@ -241,10 +225,10 @@ impl<'d> Assembly<'d> {
     /// flipped.
     pub fn gradient_of_logs(
         &self,
-        image: &[Vec3],
+        iterate: &Iterate,
         slope: impl Fn(usize, [f64; 3]) -> [f64; 3] + Sync,
     ) -> Option<Vec<f64>> {
-        self.gradient_of(image, |tet, s| {
+        self.gradient_of(iterate, |tet, s| {
             let slope = slope(tet, centred_logs(s)?);
             let mean = (slope[0] + slope[1] + slope[2]) / 3.0;
             Some([0, 1, 2].map(|i| (slope[i] - mean) / s[i]))
@@ -254,15 +238,17 @@ impl<'d> Assembly<'d> {
     /// The gradient of a sum whose terms have the derivatives `slope(tet, s)` in the singular values.
     fn gradient_of(
         &self,
-        image: &[Vec3],
+        iterate: &Iterate,
         slope: impl Fn(usize, [f64; 3]) -> Option<[f64; 3]> + Sync,
     ) -> Option<Vec<f64>> {
-        let elements: Vec<Option<[Vec3; 4]>> = (0..self.domain.mesh().tets().len())
-            .into_par_iter()
+        let elements: Vec<Option<[Vec3; 4]>> = iterate
+            .decompositions()
+            .par_iter()
+            .zip(self.domain.inverse_edges())
+            .enumerate()
             .with_min_len(CHUNK)
-            .map(|t| {
-                let decomposition = svd(&self.domain.jacobian(TetId(t as u32), image));
-                Some(gradient_from(&decomposition, slope(t, decomposition.values)?, &self.domain.inverse_edges()[t]))
+            .map(|(t, (decomposition, inverse_edges))| {
+                Some(gradient_from(decomposition, slope(t, decomposition.values)?, inverse_edges))
             })
             .collect();
         let elements: Vec<[Vec3; 4]> = elements.into_iter().collect::<Option<_>>()?;
@@ -279,6 +265,34 @@ impl<'d> Assembly<'d> {
             })
             .collect()
     }
+
+    fn sum_over_corners(&self, term: impl Fn(usize) -> f64 + Sync) -> f64 {
+        let corners = self.corners.items.par_chunks(CHUNK);
+        let partial: Vec<f64> = corners.map(|corners| corners.iter().map(|&c| term(c as usize)).sum()).collect();
+        partial.iter().sum()
+    }
+}
+
+/// For each of `count` vertices its position in a list.
+fn positions_in(list: &[u32], count: usize) -> Vec<Option<u32>> {
+    let mut positions = vec![None; count];
+    for (position, &vertex) in (0..).zip(list) {
+        positions[vertex as usize] = Some(position);
+    }
+    positions
+}
+
+/// The pairs (larger, smaller) of unknowns that share a tet.
+fn edges(tets: &[[VertexId; 4]], unknown_of: &[Option<u32>]) -> Vec<(u32, u32)> {
+    let pairs = tets.iter().flat_map(|tet| ElementDerivatives::PAIRS.map(|(v, w)| (tet[v], tet[w])));
+    let mut edges: Vec<(u32, u32)> = pairs
+        .filter_map(|(v, w)| Some((unknown_of[v.index()]?, unknown_of[w.index()]?)))
+        .filter(|(a, b)| a != b)
+        .map(|(a, b)| (a.max(b), a.min(b)))
+        .collect();
+    edges.sort_unstable();
+    edges.dedup();
+    edges
 }
 
 /// The value slices of the block columns.

@@ -33,7 +33,11 @@ impl Barrier {
 
 impl LogEnergy for Barrier {
     fn value(&self, log: f64) -> f64 {
-        if 3.0 * log.abs() < self.bound { -self.slack(log).ln() } else { f64::INFINITY }
+        if self.is_defined(log) { -self.slack(log).ln() } else { f64::INFINITY }
+    }
+
+    fn is_defined(&self, log: f64) -> bool {
+        3.0 * log.abs() < self.bound
     }
 
     fn derivatives(&self, log: f64) -> (f64, f64) {

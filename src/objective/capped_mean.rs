@@ -19,6 +19,10 @@ impl LogEnergy for CappedMean {
         2.0 * self.weight * (3.0 * log).cosh() + LogEnergy::value(&Barrier { bound: self.cap }, log)
     }
 
+    fn is_defined(&self, log: f64) -> bool {
+        Barrier { bound: self.cap }.is_defined(log)
+    }
+
     fn derivatives(&self, log: f64) -> (f64, f64) {
         let (first, second) = Barrier { bound: self.cap }.derivatives(log);
         (6.0 * self.weight * (3.0 * log).sinh() + first, 18.0 * self.weight * (3.0 * log).cosh() + second)

@@ -4,8 +4,7 @@
 //! (Smith, de Goes, Kim 2019, "Analytic eigensystems for isotropic distortion energies", ACM TOG 38(1)): one 3x3 block
 //! for the scalings and, for each pair of axes, one "twist" and one "flip" mode.
 
-use super::TetEnergy;
-use crate::linalg::{Svd, svd};
+use crate::linalg::Svd;
 use crate::mesh::{Mat3, Vec3};
 
 /// The centred logs l_i of the singular values of a Jacobian; `None` if it does not preserve orientation (det <= 0).
@@ -74,7 +73,7 @@ impl Spectrum {
 }
 
 /// Gradient and Hessian of one tet's energy.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct ElementDerivatives {
     /// Derivative with respect to each of the four vertex positions.
     pub gradient: [Vec3; 4],
@@ -87,33 +86,18 @@ impl ElementDerivatives {
     pub const PAIRS: [(usize, usize); 10] =
         [(0, 0), (0, 1), (0, 2), (0, 3), (1, 1), (1, 2), (1, 3), (2, 2), (2, 3), (3, 3)];
 
-    /// The derivatives for tet number `tet` at the Jacobian `jacobian = edges(image) * inverse_edges`; `None` where the energy is infinite.
-    ///
-    /// The Hessian's negative curvature, mode by mode, is multiplied by `negative` in [0, 1]: 1 gives the true Hessian, 0
-    /// a positive semidefinite one.
-    pub fn new<E: TetEnergy>(
-        energy: &E,
-        tet: usize,
-        jacobian: &Mat3,
-        inverse_edges: &Mat3,
-        negative: f64,
-    ) -> Option<Self> {
-        let decomposition = svd(jacobian);
-        let spectrum = energy.spectrum(tet, decomposition.values, negative)?;
-        Some(Self::from_spectrum(&decomposition, &spectrum, inverse_edges))
-    }
-
-    fn from_spectrum(decomposition: &Svd, spectrum: &Spectrum, inverse_edges: &Mat3) -> Self {
+    /// Replaces the derivatives by those of an energy with this spectrum, at the Jacobian
+    /// `edges(image) * inverse_edges` with this decomposition.
+    pub(super) fn fill(&mut self, decomposition: &Svd, spectrum: &Spectrum, inverse_edges: &Mat3) {
         let Svd { left, right, .. } = decomposition;
         // On (M_ij, M_ji) of an axis pair the Hessian is [[same, cross], [cross, same]].
         let same = [0, 1, 2].map(|mode| 0.5 * (spectrum.flip[mode] + spectrum.twist[mode]));
         let cross = [0, 1, 2].map(|mode| 0.5 * (spectrum.flip[mode] - spectrum.twist[mode]));
-        // Gradients of the barycentric coordinates in the right singular frame.
+        // Gradients of the barycentric coordinates 1, 2, 3 in the right singular frame.
         let rotated = (inverse_edges * right).transpose();
-        let [w1, w2, w3] = [0, 1, 2].map(|i| rotated.column(i).into_owned());
-        let weights = [-(w1 + w2 + w3), w1, w2, w3];
-        let block = |(v, w): (usize, usize)| {
-            let (a, b) = (&weights[v], &weights[w]);
+        let weights = [0, 1, 2].map(|i| rotated.column(i).into_owned());
+        let block = |v: usize, w: usize| {
+            let (a, b) = (&weights[v - 1], &weights[w - 1]);
             let mut inner = spectrum.scaling.component_mul(&(a * b.transpose()));
             for (mode, (i, j)) in AXIS_PAIRS.into_iter().enumerate() {
                 inner[(i, i)] += same[mode] * a[j] * b[j];
@@ -123,8 +107,15 @@ impl ElementDerivatives {
             }
             left * inner * left.transpose()
         };
-        let gradient = gradient_from(decomposition, spectrum.slope, inverse_edges);
-        Self { gradient, hessian: Self::PAIRS.map(block) }
+        let (b11, b12, b13, b22, b23, b33) =
+            (block(1, 1), block(1, 2), block(1, 3), block(2, 2), block(2, 3), block(3, 3));
+        // The barycentric coordinates add up to 1, so all rows of blocks add up to 0.
+        let b01 = -(b11 + b12.transpose() + b13.transpose());
+        let b02 = -(b12 + b22 + b23.transpose());
+        let b03 = -(b13 + b23 + b33);
+        let b00 = -(b01 + b02 + b03);
+        self.hessian = [b00, b01, b02, b03, b11, b12, b13, b22, b23, b33];
+        self.gradient = gradient_from(decomposition, spectrum.slope, inverse_edges);
     }
 }
 
@@ -139,7 +130,17 @@ pub(super) fn gradient_from(decomposition: &Svd, slope: [f64; 3], inverse_edges:
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::objective::{Barrier, CappedMean, SoftMax, Untangling};
+    use crate::linalg::svd;
+    use crate::objective::{Barrier, CappedMean, SoftMax, TetEnergy, Untangling};
+
+    /// The derivatives at a Jacobian, its negative curvature multiplied by `negative`.
+    fn derivatives<E: TetEnergy>(energy: &E, jacobian: &Mat3, inverse: &Mat3, negative: f64) -> ElementDerivatives {
+        let decomposition = svd(jacobian);
+        let spectrum = energy.spectrum(0, decomposition.values, negative).expect("the energy is finite");
+        let mut derivatives = ElementDerivatives::default();
+        derivatives.fill(&decomposition, &spectrum, inverse);
+        derivatives
+    }
 
     fn value<E: TetEnergy>(energy: &E, jacobian: &Mat3) -> f64 {
         energy.value(0, svd(jacobian).values)
@@ -153,7 +154,7 @@ mod tests {
     fn check<E: TetEnergy>(energy: &E, image: [Vec3; 4]) {
         let rest = [Vec3::zeros(), Vec3::new(1.0, 0.1, 0.0), Vec3::new(0.2, 1.1, -0.1), Vec3::new(0.1, 0.0, 0.9)];
         let inverse = edges(&rest).try_inverse().unwrap();
-        let at = |x: &[Vec3; 4]| ElementDerivatives::new(energy, 0, &(edges(x) * inverse), &inverse, 0.0).unwrap();
+        let at = |x: &[Vec3; 4]| derivatives(energy, &(edges(x) * inverse), &inverse, 0.0);
         let derivatives = at(&image);
         let scale = derivatives.gradient.iter().map(|g| g.norm()).fold(0.0, f64::max).max(1e-3);
         for vertex in 0..4 {
@@ -194,8 +195,8 @@ mod tests {
     fn check_hessian<E: TetEnergy>(energy: &E, image: [Vec3; 4]) {
         let inverse = Mat3::identity();
         let jacobian = edges(&image) * inverse;
-        let exact = ElementDerivatives::new(energy, 0, &jacobian, &inverse, 1.0).unwrap();
-        let projected = ElementDerivatives::new(energy, 0, &jacobian, &inverse, 0.0).unwrap();
+        let exact = derivatives(energy, &jacobian, &inverse, 1.0);
+        let projected = derivatives(energy, &jacobian, &inverse, 0.0);
         for seed in 0..20 {
             let direction: [Vec3; 4] =
                 std::array::from_fn(|v| Vec3::from_fn(|r, _| ((seed * 12 + v * 3 + r) as f64 * 1.618).sin()));

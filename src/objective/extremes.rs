@@ -2,8 +2,8 @@
 
 use super::element::{centred_logs, gradient_from};
 use crate::domain::Domain;
-use crate::linalg::svd;
-use crate::mesh::{TetId, Vec3};
+use crate::linalg::{Svd, svd};
+use crate::mesh::{Mat3, TetId, Vec3};
 
 /// A function of one tet and its derivatives with respect to the tet's four vertices.
 #[derive(Clone, Copy, Debug)]
@@ -19,13 +19,17 @@ pub struct TetFunction {
 /// Where the two largest (least) singular values coincide the first (second) has no gradient; one of its generalised
 /// gradients is given.
 pub fn log_dilatations(domain: &Domain, tet: TetId, image: &[Vec3]) -> Option<[TetFunction; 2]> {
-    let decomposition = svd(&domain.jacobian(tet, image));
+    of_decomposition(&svd(&domain.jacobian(tet, image)), &domain.inverse_edges()[tet.index()])
+}
+
+/// The same from a Jacobian's decomposition and the tet's inverse edges.
+pub(super) fn of_decomposition(decomposition: &Svd, inverse_edges: &Mat3) -> Option<[TetFunction; 2]> {
     let s = decomposition.values;
     let logs = centred_logs(s)?;
     Some([(0, 3.0), (2, -3.0)].map(|(axis, factor)| {
         // dl_a / ds_i = (delta_ai - 1/3) / s_i.
         let slope = [0, 1, 2].map(|i| factor * (f64::from(u8::from(i == axis)) - 1.0 / 3.0) / s[i]);
-        let gradient = gradient_from(&decomposition, slope, &domain.inverse_edges()[tet.index()]);
+        let gradient = gradient_from(decomposition, slope, inverse_edges);
         TetFunction { value: factor * logs[axis], gradient }
     }))
 }

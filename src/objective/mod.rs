@@ -9,6 +9,7 @@ mod barrier;
 mod capped_mean;
 mod element;
 mod extremes;
+mod iterate;
 mod primal_dual;
 mod soft_max;
 mod untangling;
@@ -18,6 +19,7 @@ pub use barrier::Barrier;
 pub use capped_mean::CappedMean;
 pub use element::{ElementDerivatives, Spectrum, centred_logs};
 pub use extremes::{TetFunction, log_dilatations};
+pub use iterate::Iterate;
 pub use primal_dual::{Multiplier, NearActive, PrimalDual};
 pub use soft_max::SoftMax;
 pub use untangling::Untangling;
@@ -34,6 +36,10 @@ pub trait TetEnergy: Sync {
 pub trait LogEnergy: Sync {
     /// h(l). Infinite where the energy is not defined (beyond a barrier).
     fn value(&self, log: f64) -> f64;
+    /// Whether h is defined at l.
+    fn is_defined(&self, _log: f64) -> bool {
+        true
+    }
     /// h'(l), h''(l) at a point where h is finite.
     fn derivatives(&self, log: f64) -> (f64, f64);
 }
@@ -43,9 +49,13 @@ impl<E: LogEnergy> TetEnergy for E {
         centred_logs(s).map_or(f64::INFINITY, |logs| logs.iter().map(|&l| LogEnergy::value(self, l)).sum())
     }
 
-    fn spectrum(&self, tet: usize, s: [f64; 3], negative: f64) -> Option<Spectrum> {
+    fn spectrum(&self, _tet: usize, s: [f64; 3], negative: f64) -> Option<Spectrum> {
         let logs = centred_logs(s)?;
-        let finite = TetEnergy::value(self, tet, s).is_finite();
-        finite.then(|| Spectrum::of_logs(s, logs.map(|l| self.derivatives(l)), negative))
+        if !logs.iter().all(|&l| self.is_defined(l)) {
+            return None;
+        }
+        let derivatives = logs.map(|l| self.derivatives(l));
+        let finite = derivatives.iter().all(|d| d.0.is_finite() && d.1.is_finite());
+        finite.then(|| Spectrum::of_logs(s, derivatives, negative))
     }
 }

@@ -12,7 +12,7 @@ use super::displacement::Displacement;
 use super::newton::PhaseEnd;
 use super::{Progress, Recorder};
 use crate::mesh::Vec3;
-use crate::objective::Assembly;
+use crate::objective::{Assembly, Iterate};
 
 /// Corrections kept by L-BFGS: more than about 10 bring little on these energies and cost memory traffic.
 const MEMORY: usize = 10;
@@ -47,7 +47,7 @@ struct Traits {
     rejections: usize,
 }
 
-/// Minimises E_p from `image` until `RESTARTS` restarts in a row gain less than `tolerance` (in ln K) each.
+/// Minimises E_p from `iterate` until `RESTARTS` restarts in a row gain less than `tolerance` (in ln K) each.
 ///
 /// The line searches are plain backtracking: argmin's More-Thuente ends with `Ok` after two steps where the value is
 /// infinite, and its Hager-Zhang fails (argmin issue 541). It does not ensure positive curvature, hence the restarts. The
@@ -55,21 +55,21 @@ struct Traits {
 pub(super) fn soft_max_phase(
     solver: ArgminSolver,
     assembly: &mut Assembly<'_>,
-    image: &mut Vec<Vec3>,
+    iterate: &mut Iterate,
     exponent: f64,
     tolerance: f64,
     recorder: &mut Recorder<'_>,
 ) -> PhaseEnd {
-    let phase = Phase { assembly: &RefCell::new(assembly), exponent, tolerance, unit: half_extent(image) };
+    let phase = Phase { assembly: &RefCell::new(assembly), exponent, tolerance, unit: half_extent(iterate.image()) };
     let line_search = || BacktrackingLineSearch::new(ArmijoCondition::new(1e-4).expect("the constant lies in (0, 1)"));
     match solver {
         ArgminSolver::Lbfgs => {
             let traits = Traits { name: "L-BFGS", scale: 1.0, rejections: 0 };
-            phase.descend(&traits, || LBFGS::new(line_search(), MEMORY), image, recorder)
+            phase.descend(&traits, || LBFGS::new(line_search(), MEMORY), iterate, recorder)
         }
         ArgminSolver::NewtonCg => {
             let traits = Traits { name: "Newton-CG", scale: SECOND_ORDER_SCALE, rejections: 0 };
-            phase.descend(&traits, || NewtonCG::new(line_search()), image, recorder)
+            phase.descend(&traits, || NewtonCG::new(line_search()), iterate, recorder)
         }
         ArgminSolver::TrustRegion => {
             let traits = Traits { name: "trust region", scale: SECOND_ORDER_SCALE, rejections: REJECTIONS };
@@ -79,7 +79,7 @@ pub(super) fn soft_max_phase(
                 let outer = TrustRegion::new(inner).with_radius(RADII.0).expect("the radius is positive");
                 outer.with_max_radius(RADII.1).expect("the radius is positive")
             };
-            phase.descend(&traits, solver, image, recorder)
+            phase.descend(&traits, solver, iterate, recorder)
         }
     }
 }
@@ -106,7 +106,7 @@ impl<'a, 'd> Phase<'a, 'd> {
         &self,
         traits: &Traits,
         solver: impl Fn() -> S,
-        image: &mut Vec<Vec3>,
+        iterate: &mut Iterate,
         recorder: &mut Recorder<'_>,
     ) -> PhaseEnd
     where
@@ -115,7 +115,7 @@ impl<'a, 'd> Phase<'a, 'd> {
         let name = format!("{} p={}", traits.name, self.exponent);
         let mut idle = 0;
         while idle <= RESTARTS {
-            let displacement = self.displacement(image.clone(), traits.scale);
+            let displacement = self.displacement(iterate.image().to_vec(), traits.scale);
             let origin = vec![0.0; 3 * self.assembly.borrow().free().len()];
             let Ok(before) = displacement.cost(&origin) else { return PhaseEnd::NoProgress };
             let mut problem = Problem::new(displacement);
@@ -139,10 +139,10 @@ impl<'a, 'd> Phase<'a, 'd> {
                 if !(gain > 0.0 && gain.is_finite()) {
                     break;
                 }
-                *image = problem.moved(displacement);
+                *iterate = self.assembly.borrow().at(problem.moved(displacement));
                 reached = state.get_cost();
                 rejected = 0;
-                if recorder.record(&name, reached / traits.scale, 1.0, image) == Progress::Stop {
+                if recorder.record(&name, reached / traits.scale, 1.0, iterate) == Progress::Stop {
                     return PhaseEnd::Interrupted;
                 }
                 if gain < self.tolerance {

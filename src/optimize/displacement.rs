@@ -8,7 +8,7 @@ use argmin_math::ArgminDot;
 
 use super::newton::{dot, moved};
 use crate::mesh::Vec3;
-use crate::objective::{Assembly, SoftMax};
+use crate::objective::{Assembly, Iterate, SoftMax};
 
 /// `scale * E_p` as a function of the displacement of the free vertices from `start`, in units of `unit`; infinite where a
 /// tet is flipped.
@@ -25,16 +25,21 @@ pub(super) struct Displacement<'a, 'd> {
 }
 
 impl Displacement<'_, '_> {
+    /// The map at a displacement.
+    fn at(&self, displacement: &[f64]) -> Iterate {
+        let image = self.moved(displacement);
+        self.assembly.borrow().at(image)
+    }
+
     /// The image at a displacement.
     pub(super) fn moved(&self, displacement: &[f64]) -> Vec<Vec3> {
         moved(&self.assembly.borrow(), &self.start, displacement, self.unit)
     }
 
     /// The energy centred at a map, and its sum there; `None` if a tet is flipped.
-    fn energy(&self, image: &[Vec3]) -> Option<(SoftMax, f64)> {
-        let assembly = self.assembly.borrow();
-        let energy = SoftMax::new(self.exponent, assembly.largest_log(image)?);
-        Some((energy, assembly.value(&energy, image)?))
+    fn energy(&self, iterate: &Iterate) -> Option<(SoftMax, f64)> {
+        let energy = SoftMax::new(self.exponent, iterate.largest_log()?);
+        Some((energy, self.assembly.borrow().value(&energy, iterate)?))
     }
 
     /// The derivative of `scale * E_p` with respect to ln of the sum, times the unit.
@@ -52,7 +57,7 @@ impl CostFunction for Displacement<'_, '_> {
     type Output = f64;
 
     fn cost(&self, displacement: &Self::Param) -> Result<f64, Error> {
-        let value = self.energy(&self.moved(displacement)).map(|(energy, sum)| self.scale * energy.log_k(sum));
+        let value = self.energy(&self.at(displacement)).map(|(energy, sum)| self.scale * energy.log_k(sum));
         Ok(value.unwrap_or(f64::INFINITY))
     }
 }
@@ -62,9 +67,9 @@ impl Gradient for Displacement<'_, '_> {
     type Gradient = Vec<f64>;
 
     fn gradient(&self, displacement: &Self::Param) -> Result<Vec<f64>, Error> {
-        let image = self.moved(displacement);
-        let (energy, sum) = self.energy(&image).ok_or_else(flipped)?;
-        let mut gradient = self.assembly.borrow().gradient(&energy, &image).ok_or_else(flipped)?;
+        let iterate = self.at(displacement);
+        let (energy, sum) = self.energy(&iterate).ok_or_else(flipped)?;
+        let mut gradient = self.assembly.borrow().gradient(&energy, &iterate).ok_or_else(flipped)?;
         gradient.iter_mut().for_each(|g| *g *= self.outer() / sum);
         Ok(gradient)
     }
@@ -75,10 +80,10 @@ impl<'a, 'd> Hessian for Displacement<'a, 'd> {
     type Hessian = SoftMaxHessian<'a, 'd>;
 
     fn hessian(&self, displacement: &Self::Param) -> Result<Self::Hessian, Error> {
-        let image = self.moved(displacement);
-        let (energy, sum) = self.energy(&image).ok_or_else(flipped)?;
+        let iterate = self.at(displacement);
+        let (energy, sum) = self.energy(&iterate).ok_or_else(flipped)?;
         let mut assembly = self.assembly.borrow_mut();
-        let mut gradient = assembly.linearize(&energy, &image, NEGATIVE).ok_or_else(flipped)?;
+        let mut gradient = assembly.linearize(&energy, &iterate, NEGATIVE).ok_or_else(flipped)?;
         gradient.iter_mut().for_each(|g| *g /= sum);
         Ok(SoftMaxHessian {
             assembly: self.assembly,

@@ -7,8 +7,7 @@ use nlopt::{Algorithm, Nlopt, SuccessState, Target};
 use super::argmin_phase::half_extent;
 use super::newton::{PhaseEnd, moved};
 use super::{Engine, Progress, Recorder};
-use crate::mesh::{TetId, Vec3};
-use crate::objective::{Assembly, log_dilatations};
+use crate::objective::{Assembly, Iterate};
 
 /// Value of the constraints of a flipped tet: finite, since NLopt's algorithms compute with it, and above every ln K that
 /// matters, so that they shorten their step.
@@ -30,7 +29,7 @@ pub(super) fn algorithm(engine: Engine) -> Option<Algorithm> {
     }
 }
 
-/// Minimises ln max K from `image` until NLopt sees t change by less than `tolerance`. There are no restarts: from an optimum
+/// Minimises ln max K from `start` until NLopt sees t change by less than `tolerance`. There are no restarts: from an optimum
 /// the dual problems of MMA and CCSAQ take minutes, since the crate cannot loosen their tolerance.
 ///
 /// One row is recorded for each evaluation with gradients at a map without a flipped tet; the best of them counts, by its
@@ -38,18 +37,18 @@ pub(super) fn algorithm(engine: Engine) -> Option<Algorithm> {
 pub(super) fn epigraph_phase(
     algorithm: Algorithm,
     assembly: &Assembly<'_>,
-    image: &[Vec3],
+    start: &Iterate,
     tolerance: f64,
     recorder: &mut Recorder<'_>,
 ) -> PhaseEnd {
-    let Some(largest) = assembly.largest_log(image) else { return PhaseEnd::NoProgress };
+    let Some(largest) = start.largest_log() else { return PhaseEnd::NoProgress };
     let evaluations_left = (recorder.max_iterations + 1).saturating_sub(recorder.rows.len());
     let time_left = recorder.time_left();
     let domain = assembly.domain();
     let tets = domain.mesh().tets();
-    let unit = half_extent(image);
+    let unit = half_extent(start.image());
     let count = 3 * assembly.free().len() + 1;
-    let mut unknown_of = vec![None; image.len()];
+    let mut unknown_of = vec![None; start.image().len()];
     for (unknown, &vertex) in assembly.free().iter().enumerate() {
         unknown_of[vertex as usize] = Some(unknown);
     }
@@ -63,8 +62,8 @@ pub(super) fn epigraph_phase(
     let recorder = RefCell::new(recorder);
     let constraints = |result: &mut [f64], x: &[f64], gradient: Option<&mut [f64]>, _: &mut ()| {
         let (displacement, bound) = (&x[..count - 1], x[count - 1]);
-        let image = moved(assembly, image, displacement, unit);
-        let functions: Vec<_> = (0..tets.len() as u32).map(|tet| log_dilatations(domain, TetId(tet), &image)).collect();
+        let iterate = assembly.at(moved(assembly, start.image(), displacement, unit));
+        let functions: Vec<_> = (0..tets.len()).map(|tet| iterate.functions(domain, tet)).collect();
         for (values, functions) in result.chunks_exact_mut(2).zip(&functions) {
             for side in 0..2 {
                 values[side] = functions.map_or(FLIPPED, |functions| functions[side].value - bound);
@@ -85,7 +84,7 @@ pub(super) fn epigraph_phase(
         }
         if functions.iter().all(Option::is_some) {
             // NLopt watches the limits: the crate gives its callbacks no way to stop it.
-            let _: Progress = recorder.borrow_mut().record(name(algorithm), bound, 1.0, &image);
+            let _: Progress = recorder.borrow_mut().record(name(algorithm), bound, 1.0, &iterate);
         }
     };
     let mut solver = Nlopt::new(algorithm, count, objective, Target::Minimize, ());

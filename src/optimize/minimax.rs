@@ -43,11 +43,11 @@ pub(super) fn minimax(
         if assembly.free().is_empty() {
             continue;
         }
-        let mut part = region.restrict(image);
+        let mut part = assembly.at(region.restrict(image));
         recorder.part = Some(region.part.clone());
         let settled = primal_dual_phase(&mut assembly, &mut part, tolerance, recorder);
         recorder.part = None;
-        region.extend(&part, image);
+        region.extend(part.image(), image);
         let kkt = settled.bound.map(|bound| over_all(whole, fixed, image, bound, &settled, &region));
         let optimal = kkt.flatten().is_some_and(|kkt| kkt.largest() <= OPTIMAL);
         last = Some((settled.end, kkt.flatten()));

@@ -24,7 +24,7 @@ use serde::{Deserialize, Serialize};
 use crate::domain::Domain;
 use crate::linalg::{Method, SparseError};
 use crate::mesh::Vec3;
-use crate::objective::Assembly;
+use crate::objective::{Assembly, Iterate};
 pub use cancel::Cancel;
 pub use engine::{Engine, MOST_TETS_CONSERVATIVE, MOST_TETS_QUADRATIC};
 use minimax::Ending;
@@ -44,8 +44,8 @@ const LAST_BEFORE_EPIGRAPH: f64 = 48.0;
 const SHARE_BEFORE_MINIMAX: f64 = 0.2;
 /// Share of the time up to the last phase of a soft maximum; a rough guess is all a progress bar needs.
 const SHARE_BEFORE_LAST_PHASE: f64 = 0.7;
-/// Free vertices from which the soft maxima's systems are solved iteratively: with 1,700 that takes 0.8 of the time of a
-/// sparse factor, with 14,000 a third.
+/// Free vertices from which the soft maxima's and the polish's systems are solved iteratively: with 1,200 that takes 0.6 to
+/// 0.9 of the time of all with a sparse factor on cube, icosa and tetra-10k, and 1.4 on bumpy-10k; with more, ever less.
 const ITERATIVE_FROM: usize = 1000;
 /// Largest KKT residual that counts as optimal.
 pub(crate) const OPTIMAL: f64 = 1e-6;
@@ -237,20 +237,25 @@ pub fn optimize(
     settings.engine.check(settings.objective)?;
     settings.engine.check_size(domain.mesh().tets().len())?;
     let mut assembly = Assembly::new(domain, fixed, method(fixed))?;
-    let flipped = assembly.singular_values(start).iter().filter(|s| s[2] <= 0.0).count();
+    let mut iterate = assembly.at(start.to_vec());
+    let flipped = iterate.decompositions().iter().filter(|tet| tet.values[2] <= 0.0).count();
     if flipped > 0 {
         return Err(OptimizeError::FlippedStart(flipped));
     }
-    let mut image = start.to_vec();
-    let mut recorder = Recorder::new(domain, start, settings, observe);
+    let mut recorder = Recorder::new(&iterate, settings, observe);
     if assembly.free().is_empty() {
-        return Ok(Outcome { positions: image, stop: StopReason::NothingFree, kkt: None, trace: recorder.rows });
+        return Ok(Outcome {
+            positions: start.to_vec(),
+            stop: StopReason::NothingFree,
+            kkt: None,
+            trace: recorder.rows,
+        });
     }
     // Phases look at the limit after their first step.
     let (end, kkt) = if settings.max_iterations == 0 {
         (PhaseEnd::Interrupted, None)
     } else {
-        continuation(&mut assembly, fixed, &mut image, settings, &mut recorder)?
+        continuation(&mut assembly, fixed, &mut iterate, settings, &mut recorder)?
     };
     let mut stop = match end {
         PhaseEnd::Converged if kkt.is_some_and(|kkt| kkt.largest() <= OPTIMAL) => StopReason::Optimal,
@@ -258,19 +263,21 @@ pub fn optimize(
         PhaseEnd::NoProgress => StopReason::NoProgress,
         PhaseEnd::Interrupted => recorder.interruption(),
     };
+    let mut image = iterate.into_image();
     if settings.objective == Objective::Max {
         image.clone_from(&recorder.best);
         if settings.polish == Polish::Mean && end != PhaseEnd::Interrupted {
             let cap = recorder.best_k * (1.0 + polish::CAP);
             let before = recorder.mean_of_best;
-            let end = polish::lower_mean(&mut assembly, &mut image, cap.ln(), &mut recorder);
+            let mut polished = assembly.at(recorder.best.clone());
+            let end = polish::lower_mean(&mut assembly, &mut polished, cap.ln(), &mut recorder);
             if end == PhaseEnd::Interrupted {
                 stop = recorder.interruption();
             }
             // The energy is not quite the mean: what does not lower it is not kept.
             let last = recorder.rows.last().expect("row 0 is always there");
-            if last.mean_k > before || last.max_k > cap {
-                image.clone_from(&recorder.best);
+            if last.mean_k <= before && last.max_k <= cap {
+                image = polished.into_image();
             }
         }
         if let Polish::Lexicographic { levels } = settings.polish
@@ -293,15 +300,15 @@ fn method(fixed: &[bool]) -> Method {
 fn continuation(
     assembly: &mut Assembly<'_>,
     fixed: &[bool],
-    image: &mut Vec<Vec3>,
+    iterate: &mut Iterate,
     settings: &OptimizeSettings,
     recorder: &mut Recorder<'_>,
 ) -> Result<(PhaseEnd, Option<KktResidual>), SparseError> {
     let phase =
-        |assembly: &mut Assembly<'_>, image: &mut Vec<Vec3>, exponent, tolerance, recorder: &mut Recorder<'_>| {
+        |assembly: &mut Assembly<'_>, iterate: &mut Iterate, exponent, tolerance, recorder: &mut Recorder<'_>| {
             match settings.engine.soft_max_solver() {
-                None => newton::soft_max_phase(assembly, image, exponent, tolerance, recorder),
-                Some(solver) => argmin_phase::soft_max_phase(solver, assembly, image, exponent, tolerance, recorder),
+                None => newton::soft_max_phase(assembly, iterate, exponent, tolerance, recorder),
+                Some(solver) => argmin_phase::soft_max_phase(solver, assembly, iterate, exponent, tolerance, recorder),
             }
         };
     let last = match settings.objective {
@@ -317,25 +324,28 @@ fn continuation(
     for (index, exponent) in before.clone().enumerate() {
         recorder.progress = share * index as f64 / before.clone().count() as f64;
         // A phase that makes no progress is no reason to end: the next one has another objective.
-        if phase(assembly, image, exponent, PHASE_TOLERANCE, recorder) == PhaseEnd::Interrupted {
+        if phase(assembly, iterate, exponent, PHASE_TOLERANCE, recorder) == PhaseEnd::Interrupted {
             return Ok((PhaseEnd::Interrupted, None));
         }
     }
     recorder.progress = share;
     #[cfg(feature = "nlopt")]
     if let Some(algorithm) = epigraph::algorithm(settings.engine) {
-        image.clone_from(&recorder.best);
-        return Ok((epigraph::epigraph_phase(algorithm, assembly, image, settings.tolerance, recorder), None));
+        *iterate = assembly.at(recorder.best.clone());
+        return Ok((epigraph::epigraph_phase(algorithm, assembly, iterate, settings.tolerance, recorder), None));
     }
     if let Objective::SoftMax(exponent) = settings.objective {
-        return Ok((phase(assembly, image, exponent, settings.tolerance, recorder), None));
+        return Ok((phase(assembly, iterate, exponent, settings.tolerance, recorder), None));
     }
-    if let Ending::Settled(end, kkt) = minimax::minimax(assembly, fixed, image, settings.tolerance, recorder)? {
+    let mut image = iterate.image().to_vec();
+    let ending = minimax::minimax(assembly, fixed, &mut image, settings.tolerance, recorder)?;
+    *iterate = assembly.at(image);
+    if let Ending::Settled(end, kkt) = ending {
         return Ok((end, kkt));
     }
     // Too many tets decide: higher exponents come nearer to the largest K in any case.
     for exponent in EXPONENTS.into_iter().filter(|&p| p > last) {
-        if phase(assembly, image, exponent, PHASE_TOLERANCE, recorder) == PhaseEnd::Interrupted {
+        if phase(assembly, iterate, exponent, PHASE_TOLERANCE, recorder) == PhaseEnd::Interrupted {
             return Ok((PhaseEnd::Interrupted, None));
         }
     }

@@ -2,7 +2,7 @@
 
 use super::{Progress, Recorder};
 use crate::mesh::Vec3;
-use crate::objective::{Assembly, SoftMax, TetEnergy};
+use crate::objective::{Assembly, Iterate, SoftMax, TetEnergy};
 
 /// Sufficient decrease of the Armijo rule.
 const ARMIJO: f64 = 1e-4;
@@ -20,10 +20,10 @@ pub(super) enum PhaseEnd {
     Interrupted,
 }
 
-/// Minimises E_p from `image` until a step lowers it by less than `tolerance` (in ln K).
+/// Minimises E_p from `iterate` until a step lowers it by less than `tolerance` (in ln K).
 pub(super) fn soft_max_phase(
     assembly: &mut Assembly<'_>,
-    image: &mut Vec<Vec3>,
+    iterate: &mut Iterate,
     exponent: f64,
     tolerance: f64,
     recorder: &mut Recorder<'_>,
@@ -31,9 +31,9 @@ pub(super) fn soft_max_phase(
     let phase = format!("p={exponent}");
     let mut shift = Shift::new();
     loop {
-        let Some(largest) = assembly.largest_log(image) else { return PhaseEnd::NoProgress };
+        let Some(largest) = iterate.largest_log() else { return PhaseEnd::NoProgress };
         let energy = SoftMax::new(exponent, largest);
-        let (Some(sum), Some(gradient)) = (assembly.value(&energy, image), assembly.linearize(&energy, image, 0.0))
+        let (Some(sum), Some(gradient)) = (assembly.value(&energy, iterate), assembly.linearize(&energy, iterate, 0.0))
         else {
             return PhaseEnd::NoProgress;
         };
@@ -44,13 +44,13 @@ pub(super) fn soft_max_phase(
         }
         let longest = if decrement < 1.0 - 1.0 / LONGEST_STEP { 1.0 / (1.0 - decrement) } else { LONGEST_STEP };
         let value = sum.ln();
-        let accepted = line_search(assembly, &energy, image, &direction, longest, |trial, step| {
+        let accepted = line_search(assembly, &energy, iterate, &direction, longest, |trial, step| {
             trial.ln() <= value - ARMIJO * step * decrement
         });
         let Some((step, trial_sum, trial)) = accepted else { return PhaseEnd::NoProgress };
-        *image = trial;
+        *iterate = trial;
         let fall = energy.log_k(sum) - energy.log_k(trial_sum);
-        if recorder.record(&phase, energy.log_k(trial_sum), step, image) == Progress::Stop {
+        if recorder.record(&phase, energy.log_k(trial_sum), step, iterate) == Progress::Stop {
             return PhaseEnd::Interrupted;
         }
         if fall < tolerance {
@@ -97,12 +97,12 @@ impl Shift {
 pub(super) fn factorize_damped<E: TetEnergy>(
     assembly: &mut Assembly<'_>,
     energy: &E,
-    image: &[Vec3],
+    iterate: &Iterate,
     negative: &mut f64,
     shift: f64,
 ) -> Option<Vec<f64>> {
     loop {
-        let gradient = assembly.linearize(energy, image, *negative)?;
+        let gradient = assembly.linearize(energy, iterate, *negative)?;
         let scale = assembly.gradient_scale();
         let system = assembly.system();
         // Rounding of a semidefinite matrix; far below the energies' own curvature.
@@ -127,15 +127,16 @@ pub(super) fn less_negative(negative: f64) -> Option<f64> {
 pub(super) fn line_search<E: TetEnergy>(
     assembly: &Assembly<'_>,
     energy: &E,
-    image: &[Vec3],
+    iterate: &Iterate,
     direction: &[f64],
     longest: f64,
     accept: impl Fn(f64, f64) -> bool,
-) -> Option<(f64, f64, Vec<Vec3>)> {
+) -> Option<(f64, f64, Iterate)> {
     let mut step = longest;
+    let mut trials = Trials::default();
     for _ in 0..HALVINGS {
-        let trial = moved(assembly, image, direction, step);
-        if let Some(value) = assembly.value(energy, &trial)
+        if let Some((value, trial)) =
+            trials.evaluate(assembly, energy, moved(assembly, iterate.image(), direction, step))
             && accept(value, step)
         {
             return Some((step, value, trial));
@@ -143,6 +144,33 @@ pub(super) fn line_search<E: TetEnergy>(
         step *= 0.5;
     }
     None
+}
+
+/// The trials of a line search, most of which fail because of the same few tets.
+#[derive(Default)]
+pub(super) struct Trials {
+    /// Tets whose energy was infinite at the last trial that was decomposed; those are looked at first.
+    infinite: Vec<usize>,
+}
+
+impl Trials {
+    /// The energy at some positions and the iterate there; `None` if it is infinite.
+    pub(super) fn evaluate<E: TetEnergy>(
+        &mut self,
+        assembly: &Assembly<'_>,
+        energy: &E,
+        image: Vec<Vec3>,
+    ) -> Option<(f64, Iterate)> {
+        if !assembly.is_finite_on(energy, &self.infinite, &image) {
+            return None;
+        }
+        let trial = assembly.at(image);
+        let value = assembly.value(energy, &trial);
+        if value.is_none() {
+            self.infinite = assembly.infinite(energy, &trial);
+        }
+        Some((value?, trial))
+    }
 }
 
 /// The positions after a step of the free vertices along a direction.

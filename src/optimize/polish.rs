@@ -2,8 +2,7 @@
 
 use super::newton::{PhaseEnd, dot, factorize_damped, line_search};
 use super::{Progress, Recorder};
-use crate::mesh::Vec3;
-use crate::objective::{Assembly, CappedMean};
+use crate::objective::{Assembly, CappedMean, Iterate};
 
 /// How far the cap on K lies above the largest K that was reached, relative to it. With 1e-3 the mean falls little further
 /// (cube-10k 2.564 instead of 2.57), but max K then lies above that of peers that stop 5e-4 above ours.
@@ -18,10 +17,10 @@ const STAGE_STEPS: usize = 25;
 /// Sufficient decrease of the Armijo rule.
 const ARMIJO: f64 = 1e-4;
 
-/// Minimises the sum of K_I + K_O (up to terms of order 1) under K <= exp(cap) for every tet, from `image` inside the cap.
+/// Minimises the sum of K_I + K_O (up to terms of order 1) under K <= exp(cap) for every tet, from `iterate` inside the cap.
 pub(super) fn lower_mean(
     assembly: &mut Assembly<'_>,
-    image: &mut Vec<Vec3>,
+    iterate: &mut Iterate,
     cap: f64,
     recorder: &mut Recorder<'_>,
 ) -> PhaseEnd {
@@ -31,8 +30,8 @@ pub(super) fn lower_mean(
         recorder.progress = 1.0 - 0.1 * (1.0 - stage as f64 / WEIGHTS.len() as f64);
         let energy = CappedMean { weight, cap };
         for _ in 0..STAGE_STEPS {
-            let Some(value) = assembly.value(&energy, image) else { return PhaseEnd::NoProgress };
-            let Some(gradient) = factorize_damped(assembly, &energy, image, &mut negative, 0.0) else {
+            let Some(value) = assembly.value(&energy, iterate) else { return PhaseEnd::NoProgress };
+            let Some(gradient) = factorize_damped(assembly, &energy, iterate, &mut negative, 0.0) else {
                 return PhaseEnd::NoProgress;
             };
             let mut direction: Vec<f64> = gradient.iter().map(|g| -g).collect();
@@ -41,13 +40,13 @@ pub(super) fn lower_mean(
             if -slope < centred {
                 break;
             }
-            let accepted = line_search(assembly, &energy, image, &direction, 1.0, |trial, step| {
+            let accepted = line_search(assembly, &energy, iterate, &direction, 1.0, |trial, step| {
                 trial <= value + ARMIJO * step * slope
             });
             let Some((step, trial_value, trial)) = accepted else { break };
-            *image = trial;
+            *iterate = trial;
             let mean = trial_value / (weight * assembly.domain().mesh().tets().len() as f64);
-            if recorder.record("mean", mean.ln(), step, image) == Progress::Stop {
+            if recorder.record("mean", mean.ln(), step, iterate) == Progress::Stop {
                 return PhaseEnd::Interrupted;
             }
             negative = (2.0 * negative).clamp(0.02, 1.0);

@@ -6,10 +6,10 @@
 //! to 1e-6, and with a thousand active tets on a curved surface it crawls: its steps may not leave the feasible set.
 //! Here they may, at the price of [`PrimalDual::penalty`].
 
-use super::newton::{PhaseEnd, dot, factorize_damped, less_negative, moved};
+use super::newton::{PhaseEnd, Trials, dot, factorize_damped, less_negative, moved};
 use super::{KktResidual, Progress, Recorder};
 use crate::mesh::{TetId, Vec3};
-use crate::objective::{Assembly, Barrier, Multiplier, NearActive, PrimalDual, centred_logs, log_dilatations};
+use crate::objective::{Assembly, Barrier, Iterate, Multiplier, NearActive, PrimalDual, log_dilatations};
 
 /// Distance (in ln K) of the first bound above the present max K.
 const FIRST_SLACK: f64 = 0.0005;
@@ -68,17 +68,17 @@ pub(super) struct Settled {
     pub multipliers: Vec<(usize, usize, f64)>,
 }
 
-/// Minimises ln max K from `image` until the Karush-Kuhn-Tucker conditions hold to within `tolerance`.
+/// Minimises ln max K from `iterate` until the Karush-Kuhn-Tucker conditions hold to within `tolerance`.
 pub(super) fn primal_dual_phase(
     assembly: &mut Assembly<'_>,
-    image: &mut Vec<Vec3>,
+    iterate: &mut Iterate,
     tolerance: f64,
     recorder: &mut Recorder<'_>,
 ) -> Settled {
-    let Some(mut stage) = Stage::first(assembly, image, tolerance) else {
+    let Some(mut stage) = Stage::first(assembly, iterate, tolerance) else {
         return Settled { end: PhaseEnd::NoProgress, bound: None, multipliers: Vec::new() };
     };
-    let end = follow(assembly, image, &mut stage, recorder);
+    let end = follow(assembly, iterate, &mut stage, recorder);
     let sides = |(tet, pair): (usize, &[Option<Multiplier>; 2])| {
         [0, 1].map(|side| pair[side].map(|multiplier| (tet, side, multiplier.value)))
     };
@@ -89,7 +89,7 @@ pub(super) fn primal_dual_phase(
 /// Follows the path of centres.
 fn follow(
     assembly: &mut Assembly<'_>,
-    image: &mut Vec<Vec3>,
+    iterate: &mut Iterate,
     stage: &mut Stage,
     recorder: &mut Recorder<'_>,
 ) -> PhaseEnd {
@@ -98,9 +98,9 @@ fn follow(
     let first_weight = stage.weight;
     let mut negative = 1.0;
     loop {
-        stage.select(assembly, image);
-        let rows = stage.rows(assembly, image);
-        let Some(system) = Bordered::new(assembly, image, &stage.problem, &mut negative) else {
+        stage.select(iterate);
+        let rows = stage.rows(assembly, iterate);
+        let Some(system) = Bordered::new(assembly, iterate, &stage.problem, &mut negative) else {
             return PhaseEnd::NoProgress;
         };
         let (residual, centrality) = stage.residual(&system, &rows);
@@ -111,18 +111,18 @@ fn follow(
         // As near to its centre as the stage's own gap asks for.
         let error = residual.dual.max(residual.primal).max(centrality);
         if !last && (error < stage.gap().max(0.1 * tolerance) || stage.steps == STAGE_STEPS) {
-            stage.next(assembly, image);
+            stage.next(iterate);
             recorder.progress = 1.0
                 - (1.0 - share) * (stage.weight / stage.last_weight()).ln().max(0.0)
                     / (first_weight / stage.last_weight()).ln().max(1e-9);
             continue;
         }
-        let Some(length) = step(assembly, image, &mut stage.problem, &system, &rows) else {
+        let Some(length) = step(assembly, iterate, &mut stage.problem, &system, &rows) else {
             // At the last weights rounding decides: as centred as it gets.
             return if last { PhaseEnd::Converged } else { PhaseEnd::NoProgress };
         };
         stage.steps += 1;
-        if recorder.record("minimax", stage.problem.bound, length, image) == Progress::Stop {
+        if recorder.record("minimax", stage.problem.bound, length, iterate) == Progress::Stop {
             return PhaseEnd::Interrupted;
         }
         negative = (2.0 * negative).clamp(0.02, 1.0);
@@ -141,10 +141,10 @@ struct Stage {
 }
 
 impl Stage {
-    fn first(assembly: &Assembly<'_>, image: &[Vec3], tolerance: f64) -> Option<Self> {
-        let bound = 3.0 * assembly.largest_log(image)? + FIRST_SLACK;
+    fn first(assembly: &Assembly<'_>, iterate: &Iterate, tolerance: f64) -> Option<Self> {
+        let bound = 3.0 * iterate.largest_log()? + FIRST_SLACK;
         // The weight for which the first bound is stationary.
-        let weight = -1.0 / assembly.bound_derivatives(&Barrier { bound }, image)?.0;
+        let weight = -1.0 / assembly.bound_derivatives(&Barrier { bound }, iterate)?.0;
         let near_active = vec![[None; 2]; assembly.domain().mesh().tets().len()];
         let problem = PrimalDual { bound, rest_weight: weight, penalty: 1.0, near_active };
         Some(Self { problem, weight, active: 0, steps: 0, tolerance })
@@ -172,11 +172,11 @@ impl Stage {
     }
 
     /// Gives multipliers to the constraints that have come near the bound, and sets the penalty.
-    fn select(&mut self, assembly: &Assembly<'_>, image: &[Vec3]) {
+    fn select(&mut self, iterate: &Iterate) {
         let problem = &mut self.problem;
         let weight = problem.rest_weight;
-        for (tet, s) in assembly.singular_values(image).into_iter().enumerate() {
-            let Some(logs) = centred_logs(s) else { continue };
+        for (tet, logs) in iterate.logs().enumerate() {
+            let Some(logs) = logs else { continue };
             for (entry, (axis, factor)) in problem.near_active[tet].iter_mut().zip(PrimalDual::SIDES) {
                 let slack = problem.bound - factor * logs[axis];
                 if entry.is_none() && slack < NEAR * problem.bound {
@@ -193,13 +193,13 @@ impl Stage {
         self.problem.near_active.iter().flatten().flatten().map(|m| m.value).fold(f64::MIN_POSITIVE, f64::max)
     }
 
-    fn rows(&self, assembly: &Assembly<'_>, image: &[Vec3]) -> Vec<Row> {
+    fn rows(&self, assembly: &Assembly<'_>, iterate: &Iterate) -> Vec<Row> {
         let mut rows = Vec::new();
         for (tet, pair) in self.problem.near_active.iter().enumerate() {
             if pair.iter().all(Option::is_none) {
                 continue;
             }
-            let Some(functions) = log_dilatations(assembly.domain(), TetId(tet as u32), image) else { continue };
+            let Some(functions) = iterate.functions(assembly.domain(), tet) else { continue };
             for (side, (multiplier, function)) in pair.iter().zip(functions).enumerate() {
                 if let Some(multiplier) = *multiplier {
                     let at = self.problem.at(multiplier, function.value);
@@ -223,7 +223,7 @@ impl Stage {
     }
 
     /// Lowers the weights, faster the nearer the end is.
-    fn next(&mut self, assembly: &Assembly<'_>, image: &[Vec3]) {
+    fn next(&mut self, iterate: &Iterate) {
         let parted = self.terms() * self.weight <= PARTING;
         let least = match parted {
             _ if self.steps > HARD_STAGE => FACTORS.0,
@@ -242,8 +242,8 @@ impl Stage {
         };
         let largest = self.largest_multiplier();
         let problem = &mut self.problem;
-        for (tet, s) in assembly.singular_values(image).into_iter().enumerate() {
-            let Some(logs) = centred_logs(s) else { continue };
+        for (tet, logs) in iterate.logs().enumerate() {
+            let Some(logs) = logs else { continue };
             for (entry, (axis, factor)) in problem.near_active[tet].iter_mut().zip(PrimalDual::SIDES) {
                 // Not at once where it came in, or it would go to and fro.
                 if problem.bound - factor * logs[axis] > 2.0 * NEAR * problem.bound {
@@ -275,12 +275,13 @@ struct Bordered {
 
 impl Bordered {
     /// Lowers `negative` until the system is positive definite; `None` if it never is.
-    fn new(assembly: &mut Assembly<'_>, image: &[Vec3], problem: &PrimalDual, negative: &mut f64) -> Option<Self> {
-        let positions = assembly.gradient_of_logs(image, |tet, logs| problem.right_hand_slopes(tet, logs))?;
-        let column = assembly.gradient_of_logs(image, |tet, logs| problem.mixed_slopes(tet, logs))?;
-        let [bound, diagonal, multipliers] = assembly.sum_of_logs(image, |tet, logs| problem.bound_parts(tet, logs))?;
+    fn new(assembly: &mut Assembly<'_>, iterate: &Iterate, problem: &PrimalDual, negative: &mut f64) -> Option<Self> {
+        let positions = assembly.gradient_of_logs(iterate, |tet, logs| problem.right_hand_slopes(tet, logs))?;
+        let column = assembly.gradient_of_logs(iterate, |tet, logs| problem.mixed_slopes(tet, logs))?;
+        let [bound, diagonal, multipliers] =
+            assembly.sum_of_logs(iterate, |tet, logs| problem.bound_parts(tet, logs))?;
         loop {
-            let gradient = factorize_damped(assembly, problem, image, negative, SHIFT)?;
+            let gradient = factorize_damped(assembly, problem, iterate, negative, SHIFT)?;
             let dual = dot(&gradient, &gradient).sqrt() / assembly.gradient_scale();
             let mut solved_column = column.clone();
             assembly.system().solve(&mut solved_column);
@@ -334,27 +335,29 @@ struct Step {
 /// Takes the Newton step, corrected to second order or shortened if the merit function does not fall; the share taken.
 fn step(
     assembly: &mut Assembly<'_>,
-    image: &mut Vec<Vec3>,
+    iterate: &mut Iterate,
     problem: &mut PrimalDual,
     system: &Bordered,
     rows: &[Row],
 ) -> Option<f64> {
-    let value = assembly.value(problem, image)? + problem.bound;
+    let value = assembly.value(problem, iterate)? + problem.bound;
     let newton = system.solve(assembly, rows, &[]);
     // The right-hand side is the merit's gradient but for the terms that remove the residuals.
     let restoring: f64 =
         rows.iter().zip(&newton.changes).map(|(row, change)| row.stiffness() * row.at.residual * change).sum();
     let slope = dot(&system.positions, &newton.direction) + system.bound * newton.bound - restoring;
-    let attempt = |assembly: &Assembly<'_>, step: &Step, length: f64| {
-        let trial = moved(assembly, image, &step.direction, length);
+    let mut trials = Trials::default();
+    let mut attempt = |assembly: &Assembly<'_>, step: &Step, length: f64| {
+        let image = moved(assembly, iterate.image(), &step.direction, length);
         let mut at_trial = problem.clone();
         at_trial.bound += length * step.bound;
-        let merit = assembly.value(&at_trial, &trial)? + at_trial.bound;
+        let (value_at_trial, trial) = trials.evaluate(assembly, &at_trial, image)?;
+        let merit = value_at_trial + at_trial.bound;
         let enough = value + ARMIJO * length * slope.min(0.0) + ROUNDING * value.abs();
         (merit <= enough).then_some((length, trial, at_trial))
     };
-    let corrected = |assembly: &mut Assembly<'_>| {
-        let trial = moved(assembly, image, &newton.direction, 1.0);
+    let correct = |assembly: &mut Assembly<'_>| -> Option<Step> {
+        let trial = moved(assembly, iterate.image(), &newton.direction, 1.0);
         let errors: Vec<f64> = rows
             .iter()
             .zip(&newton.changes)
@@ -363,11 +366,10 @@ fn step(
                 Some(functions[row.side].value - row.value - change - newton.bound)
             })
             .collect::<Option<_>>()?;
-        let step = system.solve(assembly, rows, &errors);
-        attempt(assembly, &step, 1.0)
+        Some(system.solve(assembly, rows, &errors))
     };
     let accepted = attempt(assembly, &newton, 1.0)
-        .or_else(|| corrected(assembly))
+        .or_else(|| correct(assembly).and_then(|corrected| attempt(assembly, &corrected, 1.0)))
         .or_else(|| (1..=HALVINGS).find_map(|halvings| attempt(assembly, &newton, 0.5f64.powi(halvings as i32))));
     let (length, trial, mut at_trial) = accepted?;
     let changes: Vec<f64> = rows
@@ -386,6 +388,6 @@ fn step(
         let value = row.at.multiplier + share * change;
         at_trial.near_active[row.tet][row.side] = Some(Multiplier { value, weight: row.at.weight });
     }
-    (*image, *problem) = (trial, at_trial);
+    (*iterate, *problem) = (trial, at_trial);
     Some(length)
 }

@@ -2,12 +2,10 @@
 
 use std::time::{Duration, Instant};
 
-use rayon::prelude::*;
-
 use super::{Cancel, OptimizeSettings, StopReason, TraceRow};
 use crate::dilatation::Dilatation;
-use crate::domain::Domain;
 use crate::mesh::{TetId, Vec3};
+use crate::objective::Iterate;
 
 /// Whether a phase goes on after an iteration was recorded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,9 +21,8 @@ pub(super) struct Part {
     pub tets: Vec<TetId>,
 }
 
-/// Measures each iterate, keeps the best one and the trace, and watches the limits.
+/// Takes K of each iterate's tets, keeps the best one and the trace, and watches the limits.
 pub(super) struct Recorder<'a> {
-    domain: &'a Domain,
     /// The last iterate, and K of each tet there.
     image: Vec<Vec3>,
     dilatations: Vec<f64>,
@@ -45,15 +42,9 @@ pub(super) struct Recorder<'a> {
 }
 
 impl<'a> Recorder<'a> {
-    pub(super) fn new(
-        domain: &'a Domain,
-        image: &[Vec3],
-        settings: &OptimizeSettings,
-        observe: &'a mut dyn FnMut(&TraceRow),
-    ) -> Self {
+    pub(super) fn new(start: &Iterate, settings: &OptimizeSettings, observe: &'a mut dyn FnMut(&TraceRow)) -> Self {
         let mut recorder = Self {
-            domain,
-            image: image.to_vec(),
+            image: start.image().to_vec(),
             dilatations: Vec::new(),
             part: None,
             start: Instant::now(),
@@ -62,31 +53,30 @@ impl<'a> Recorder<'a> {
             cancel: settings.cancel.clone(),
             observe,
             rows: Vec::new(),
-            best: image.to_vec(),
+            best: start.image().to_vec(),
             best_k: f64::INFINITY,
             mean_of_best: f64::INFINITY,
             progress: 0.0,
         };
-        recorder.record("start", f64::INFINITY, 0.0, image);
+        recorder.record("start", f64::INFINITY, 0.0, start);
         recorder
     }
 
-    /// Measures what has changed.
-    fn measure(&mut self, image: &[Vec3]) {
-        let k = |image: &[Vec3], t: TetId| Dilatation::of(&self.domain.jacobian(t, image)).k();
+    /// Takes over positions and dilatations of what has changed.
+    fn take(&mut self, iterate: &Iterate) {
+        let dilatations = iterate.decompositions().iter().map(|tet| Dilatation::of_singular_values(tet.values).k());
         match &self.part {
             None => {
-                self.image.copy_from_slice(image);
-                let tets = self.domain.mesh().tets().len() as u32;
-                self.dilatations = (0..tets).into_par_iter().with_min_len(1024).map(|t| k(image, TetId(t))).collect();
+                self.image.copy_from_slice(iterate.image());
+                self.dilatations.clear();
+                self.dilatations.extend(dilatations);
             }
             Some(part) => {
-                for (&v, position) in part.vertices.iter().zip(image) {
+                for (&v, position) in part.vertices.iter().zip(iterate.image()) {
                     self.image[v as usize] = *position;
                 }
-                let changed: Vec<f64> = part.tets.par_iter().with_min_len(1024).map(|&t| k(&self.image, t)).collect();
-                for (t, changed) in part.tets.iter().zip(changed) {
-                    self.dilatations[t.index()] = changed;
+                for (t, dilatation) in part.tets.iter().zip(dilatations) {
+                    self.dilatations[t.index()] = dilatation;
                 }
             }
         }
@@ -106,8 +96,8 @@ impl<'a> Recorder<'a> {
         self.time_limit.map(|limit| limit.saturating_sub(self.start.elapsed()))
     }
 
-    pub(super) fn record(&mut self, phase: &str, objective: f64, step: f64, image: &[Vec3]) -> Progress {
-        self.measure(image);
+    pub(super) fn record(&mut self, phase: &str, objective: f64, step: f64, iterate: &Iterate) -> Progress {
+        self.take(iterate);
         let mean_k = self.dilatations.iter().sum::<f64>() / self.dilatations.len() as f64;
         let max_k = self.dilatations.iter().copied().fold(1.0, f64::max);
         if max_k < self.best_k {

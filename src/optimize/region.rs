@@ -100,7 +100,7 @@ impl Region {
 /// ln K of every tet with a free vertex, 0 for the others, which nothing can change; `None` if a tet is flipped.
 pub(super) fn changeable(assembly: &Assembly<'_>, fixed: &[bool], image: &[Vec3]) -> Option<Vec<f64>> {
     let tets = assembly.domain().mesh().tets();
-    let mut values = assembly.log_dilatations(image)?;
+    let mut values = assembly.at(image.to_vec()).log_dilatations()?;
     for (value, tet) in values.iter_mut().zip(tets) {
         if tet.iter().all(|v| fixed[v.index()]) {
             *value = 0.0;

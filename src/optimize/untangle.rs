@@ -8,7 +8,7 @@ use super::region::Region;
 use super::{OptimizeError, OptimizeSettings, TraceRow};
 use crate::domain::Domain;
 use crate::mesh::{Orientation, TetId, Vec3, orientation};
-use crate::objective::{Assembly, Untangling};
+use crate::objective::{Assembly, Iterate, Untangling};
 
 /// Sufficient decrease of the Armijo rule.
 const ARMIJO: f64 = 1e-4;
@@ -37,6 +37,13 @@ pub struct Untangled {
     pub seconds: f64,
 }
 
+impl Untangled {
+    fn of_start(domain: &Domain, start: &[Vec3]) -> Self {
+        let resisting = flipped_tets(domain, start);
+        Self { positions: start.to_vec(), resisting, iterations: 0, seconds: 0.0 }
+    }
+}
+
 /// Tets whose image is not positively oriented, by exact predicate.
 pub fn flipped_tets(domain: &Domain, image: &[Vec3]) -> Vec<TetId> {
     (0..)
@@ -63,8 +70,7 @@ pub fn untangle(
     settings: &OptimizeSettings,
     observe: &mut dyn FnMut(&TraceRow),
 ) -> Result<Untangled, OptimizeError> {
-    let resisting = flipped_tets(domain, start);
-    let mut best = Untangled { positions: start.to_vec(), resisting, iterations: 0, seconds: 0.0 };
+    let mut best = Untangled::of_start(domain, start);
     if best.resisting.is_empty() {
         return Ok(best);
     }
@@ -93,31 +99,28 @@ fn attempt(
     settings: &OptimizeSettings,
     observe: &mut dyn FnMut(&TraceRow),
 ) -> Result<Untangled, OptimizeError> {
-    let resisting = flipped_tets(domain, start);
-    let mut best = Untangled { positions: start.to_vec(), resisting, iterations: 0, seconds: 0.0 };
+    let mut best = Untangled::of_start(domain, start);
     let clock = Instant::now();
     let mut assembly = Assembly::new(domain, fixed, super::method(fixed))?;
-    let mut image = start.to_vec();
+    let mut iterate = assembly.at(start.to_vec());
     let mut shift = Shift::new();
-    let least = |assembly: &Assembly<'_>, image: &[Vec3]| {
-        assembly.singular_values(image).iter().map(|s| s[0] * s[1] * s[2]).fold(f64::INFINITY, f64::min)
-    };
-    let mut determinant = least(&assembly, &image);
-    let mut epsilon = first_epsilon(&assembly, &image, determinant);
+    let mut epsilon = first_epsilon(&iterate);
     let (mut iterations, mut last_gain) = (0, 0);
     let goes_on = |iterations| iterations < settings.max_iterations && !settings.cancel.is_raised();
     while goes_on(iterations) && iterations - last_gain < PATIENCE {
         let energy = Untangling { epsilon };
-        let Some(before) = assembly.value(&energy, &image) else { break };
+        let Some(before) = assembly.value(&energy, &iterate) else { break };
         let mut after = before;
         for _ in 0..STEPS {
-            let Some((value, step)) = newton_step(&mut assembly, &energy, &mut image, after, &mut shift) else { break };
+            let Some((value, step)) = newton_step(&mut assembly, &energy, &mut iterate, after, &mut shift) else {
+                break;
+            };
             let fall = (after - value) / after;
             after = value;
             iterations += 1;
             best.iterations = iterations;
             best.seconds = clock.elapsed().as_secs_f64();
-            let flipped = flipped_tets(domain, &image);
+            let flipped = flipped_tets(domain, iterate.image());
             observe(&TraceRow {
                 phase: format!("untangle, {} flipped", flipped.len()),
                 iteration: iterations,
@@ -129,7 +132,7 @@ fn attempt(
                 seconds: best.seconds,
             });
             if flipped.len() < best.resisting.len() {
-                best.positions.clone_from(&image);
+                best.positions.copy_from_slice(iterate.image());
                 best.resisting = flipped;
                 last_gain = iterations;
                 if best.resisting.is_empty() {
@@ -140,8 +143,7 @@ fn attempt(
                 break;
             }
         }
-        determinant = least(&assembly, &image);
-        let next = next_epsilon(epsilon, determinant, after / before);
+        let next = next_epsilon(epsilon, least_determinant(&iterate), after / before);
         if next <= 0.0 {
             break;
         }
@@ -151,10 +153,17 @@ fn attempt(
 }
 
 /// A regularisation of the size of the worst flip, or of the mean determinant where that is larger.
-fn first_epsilon(assembly: &Assembly<'_>, image: &[Vec3], least: f64) -> f64 {
-    let values = assembly.singular_values(image);
-    let mean = values.iter().map(|s| (s[0] * s[1] * s[2]).abs()).sum::<f64>() / values.len() as f64;
-    (1e-2 * mean).max(0.2 * least.abs())
+fn first_epsilon(iterate: &Iterate) -> f64 {
+    let mean = determinants(iterate).map(f64::abs).sum::<f64>() / iterate.decompositions().len() as f64;
+    (1e-2 * mean).max(0.2 * least_determinant(iterate).abs())
+}
+
+fn determinants(iterate: &Iterate) -> impl Iterator<Item = f64> + '_ {
+    iterate.decompositions().iter().map(|decomposition| decomposition.values.iter().product())
+}
+
+fn least_determinant(iterate: &Iterate) -> f64 {
+    determinants(iterate).fold(f64::INFINITY, f64::min)
 }
 
 /// The schedule of Garanzha et al. 2021, eq. 7: sigma = max(1/10, 1 - F(new) / F(old)).
@@ -168,16 +177,16 @@ fn next_epsilon(epsilon: f64, least: f64, ratio: f64) -> f64 {
 fn newton_step(
     assembly: &mut Assembly<'_>,
     energy: &Untangling,
-    image: &mut Vec<Vec3>,
+    iterate: &mut Iterate,
     value: f64,
     shift: &mut Shift,
 ) -> Option<(f64, f64)> {
-    let gradient = assembly.linearize(energy, image, 0.0)?;
+    let gradient = assembly.linearize(energy, iterate, 0.0)?;
     let direction = shift.newton_direction(assembly, &gradient)?;
     let slope = dot(&gradient, &direction);
-    let (step, value, trial) = line_search(assembly, energy, image, &direction, 1.0, |trial, step| {
+    let (step, value, trial) = line_search(assembly, energy, iterate, &direction, 1.0, |trial, step| {
         trial <= value + ARMIJO * step * slope && trial < value
     })?;
-    *image = trial;
+    *iterate = trial;
     Some((value, step))
 }

@@ -1,13 +1,14 @@
-//! `cargo bench`: tets a second of the energy's value, gradient and Hessian, beside the machine's memory bandwidth and what
+//! `cargo bench`: tets a second of a map's decomposition and, of decomposed maps, of the
+//! energy's value, gradient and Hessian, beside the machine's memory bandwidth and what
 //! the bandwidth would allow if nothing but the operands had to be moved.
 
 use divan::Bencher;
 use divan::counter::{BytesCount, ItemsCount};
-use qcball::linalg::{Method, svd};
+use qcball::linalg::Method;
 use qcball::map::{RadialCoordinates, caraman};
-use qcball::objective::{Assembly, SoftMax};
+use qcball::objective::{Assembly, Iterate, SoftMax};
 use qcball::solid::{ShellSettings, Solid, shell_mesh};
-use qcball::{Domain, TetId, Vec3};
+use qcball::{Domain, Vec3};
 
 fn main() {
     divan::main();
@@ -25,42 +26,41 @@ fn radial(layers: u32) -> (Domain, Vec<Vec3>) {
 }
 
 /// Calls a kernel on the radial map with the free vertices of the interior.
-fn on_radial(bencher: Bencher<'_, '_>, layers: u32, mut kernel: impl FnMut(&mut Assembly<'_>, &SoftMax, &[Vec3])) {
+fn on_radial(bencher: Bencher<'_, '_>, layers: u32, mut kernel: impl FnMut(&mut Assembly<'_>, &SoftMax, &Iterate)) {
     let (domain, image) = radial(layers);
     let fixed = domain.boundary().vertex_mask();
     let mut assembly = Assembly::new(&domain, fixed, Method::Iterative).expect("iterative systems fit");
-    let energy = SoftMax::new(16.0, assembly.largest_log(&image).expect("no flips"));
+    let iterate = assembly.at(image);
+    let energy = SoftMax::new(16.0, iterate.largest_log().expect("no flips"));
     let tets = domain.mesh().tets().len();
-    bencher.counter(ItemsCount::new(tets)).bench_local(|| kernel(&mut assembly, &energy, &image));
+    bencher.counter(ItemsCount::new(tets)).bench_local(|| kernel(&mut assembly, &energy, &iterate));
 }
 
 #[divan::bench(args = LAYERS)]
 fn value(bencher: Bencher<'_, '_>, layers: u32) {
-    on_radial(bencher, layers, |assembly, energy, image| {
-        divan::black_box(assembly.value(energy, image));
+    on_radial(bencher, layers, |assembly, energy, iterate| {
+        divan::black_box(assembly.value(energy, iterate));
     });
 }
 
 #[divan::bench(args = LAYERS)]
 fn gradient(bencher: Bencher<'_, '_>, layers: u32) {
-    on_radial(bencher, layers, |assembly, energy, image| {
-        divan::black_box(assembly.gradient(energy, image));
+    on_radial(bencher, layers, |assembly, energy, iterate| {
+        divan::black_box(assembly.gradient(energy, iterate));
     });
 }
 
 #[divan::bench(args = LAYERS)]
 fn gradient_and_hessian(bencher: Bencher<'_, '_>, layers: u32) {
-    on_radial(bencher, layers, |assembly, energy, image| {
-        divan::black_box(assembly.linearize(energy, image, 0.0));
+    on_radial(bencher, layers, |assembly, energy, iterate| {
+        divan::black_box(assembly.linearize(energy, iterate, 0.0));
     });
 }
 
 #[divan::bench(args = LAYERS)]
-fn singular_values(bencher: Bencher<'_, '_>, layers: u32) {
-    let (domain, image) = radial(layers);
-    let tets = domain.mesh().tets().len();
-    bencher.counter(ItemsCount::new(tets)).bench_local(|| {
-        (0..tets as u32).map(|t| svd(&domain.jacobian(TetId(t), &image)).values[2]).fold(f64::INFINITY, f64::min)
+fn decompositions(bencher: Bencher<'_, '_>, layers: u32) {
+    on_radial(bencher, layers, |assembly, _, iterate| {
+        divan::black_box(assembly.at(iterate.image().to_vec()));
     });
 }
 
