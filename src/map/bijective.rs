@@ -69,11 +69,11 @@ fn kernel_point(domain: &Domain, image: &[Vec3]) -> Option<Vec3> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::map::{RadialCoordinates, caraman};
+    use crate::map::{AnalyticMap, RadialCoordinates, caraman};
     use crate::solid::{ShellSettings, Solid, shell_mesh};
 
     fn cube(subdivisions: u32) -> (Domain, Vec<Vec3>) {
-        let settings = ShellSettings { subdivisions, refinement: None, layers: 2, grading: 1.0 };
+        let settings = ShellSettings { subdivisions, refinement: None, layers: 6, grading: 1.0 };
         let shell = shell_mesh(&Solid::Cube.surface().unwrap(), Vec3::zeros(), &settings).unwrap();
         let image = caraman(&RadialCoordinates::of_shell(&shell), 1.0);
         (Domain::new(shell.mesh).unwrap(), image)
@@ -96,15 +96,12 @@ mod tests {
         let moved: Vec<Vec3> = image.iter().map(|p| p + Vec3::new(5.0, 0.0, 1.0)).collect();
         let said = bijectivity(&domain, &moved);
         assert!(said.bijective && said.reason.ends_with("a point inside"), "{}", said.reason);
-        // Bent about the line x = 0, y = -3 by 1.2 radians to both sides, it is star-shaped about no point.
-        let points = domain.mesh().points();
-        let bent: Vec<Vec3> = points
-            .iter()
-            .map(|p| {
-                let (sine, cosine) = (1.2 * p.x).sin_cos();
-                Vec3::new((p.y + 3.0) * sine, (p.y + 3.0) * cosine, p.z)
-            })
-            .collect();
+        // Folded by 1.4 radians to both sides, its ends see no common point.
+        let words = ["maps=[{ kind = 'affine', matrix = [[1, 0, 0], [0, 1, 0], [0, 0, 1]], offset = [0, 3, 0] }, \
+                      { kind = 'folding', ratio = 3 }]"
+            .to_string()];
+        let folding = AnalyticMap::from_words("composition", &words).unwrap();
+        let bent = folding.apply(domain.mesh().points()).unwrap();
         assert!(all_are_positive(&domain, &bent) && !bijectivity(&domain, &bent).bijective);
     }
 
