@@ -87,7 +87,7 @@ pub enum Fault {
         /// Where it is.
         at: [f64; 3],
         /// Why it has no image.
-        error: MapError,
+        error: Box<MapError>,
     },
     /// A map in closed form that reverses orientation.
     #[error(

@@ -143,7 +143,7 @@ impl Start {
         let points = domain.mesh().points();
         let image = formula.apply(points).map_err(|(vertex, error)| {
             let [x, y, z] = points[vertex].into();
-            Fault::Map { vertex, at: [x, y, z], error }
+            Fault::Map { vertex, at: [x, y, z], error: Box::new(error) }
         })?;
         if let Some(vertex) = far_outside(&domain, &image) {
             return Err(Fault::Torn { vertex });
