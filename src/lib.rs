@@ -60,7 +60,7 @@
 //!             -> StarCentre               a point of the kernel; proved to see every triangle
 //!             -> ShellMesh                layers of tets in the cones over the surface triangles; or a mesh is given
 //!             -> Domain                   a topological ball, with reference gradients, volumes and boundary
-//!             -> initial positions        Caraman's radial map, untangled if a given mesh makes that necessary
+//!             -> initial positions        Caraman's radial map, or a map in closed form; untangled if necessary
 //!             -> Outcome                  optimised positions, stop reason, a row for each iteration
 //!             -> Measured, Bijectivity    from the final positions alone
 //!             -> LowerBounds              from the domain and the boundary positions alone

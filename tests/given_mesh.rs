@@ -172,5 +172,5 @@ fn the_farthest_map_takes_a_solid_that_is_not_star_shaped() {
     let far = Plan::read(&config(folder.path(), "notch.mesh", "[map]\nkind = \"farthest\""), &[]).unwrap();
     let report = experiment::run(&far, &mut |_| {}).unwrap().report;
     assert!(report.warnings.iter().any(|warning| warning.contains("farthest")));
-    assert!(report.radial_smooth_k.is_none() && report.domain.centre.is_none());
+    assert!(report.map.radial_smooth_k.is_none() && report.domain.centre.is_none());
 }

@@ -103,3 +103,68 @@ fn what_cannot_be_mapped_names_the_vertex_and_writes_nothing() {
         assert!(!folder.path().join("out.mesh").exists());
     }
 }
+
+/// A config of a coarse cube with the given table `[map]`, run with further options.
+fn run_cube(folder: &Path, map: &str, options: &[&str]) -> (i32, String, String) {
+    let config = format!("[domain]\nsolid = \"cube\"\n[mesh]\nsubdivisions = 2\nlayers = 4\n[map]\n{map}\n");
+    std::fs::write(folder.join("case.toml"), config).unwrap();
+    qcball(folder, &[&["run", "case.toml", "--out", "case", "--threads", "1", "--quiet", "--json"], options].concat())
+}
+
+#[test]
+fn a_run_from_a_map_in_closed_form_keeps_its_boundary_and_claims_nothing_of_the_ball() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let offset = "{ kind = \"affine\", matrix = [[1, 0, 0], [0, 1, 0], [0, 0, 1]], offset = [0, 3, 0] }";
+    let map = format!("kind = \"composition\"\nmaps = [{offset}, {{ kind = \"folding\", ratio = 1.5 }}]");
+    let (code, _, err) = run_cube(folder.path(), &map, &["--set", "optimize.max_iterations=0"]);
+    assert_eq!((code, err.as_str()), (0, ""));
+    // Without a step the image is the map of every vertex, which `qcball map` writes as well.
+    let maps = format!("maps=[{offset}, {{ kind = \"folding\", ratio = 1.5 }}]");
+    let (code, ..) = qcball(folder.path(), &["map", "composition", &maps, "case/domain.vtu", "exact.vtu"]);
+    assert_eq!(code, 0);
+    let exact = read_tets(&at("exact.vtu")).unwrap().points;
+    assert_eq!(read_tets(&at("case/image.vtu")).unwrap().points, exact);
+
+    let (code, out, _) = run_cube(folder.path(), &map, &[]);
+    let report: Value = serde_json::from_str(&out).unwrap();
+    assert_eq!((code, &report["bijective"]), (0, &Value::from(true)));
+    assert!(report["radial_exponent"].is_null() && report["domain"]["centre"].is_null());
+    let scope = |bound: &Value| bound["scope"].as_str().unwrap().contains("ball");
+    let bounds = report["bounds"].as_array().unwrap();
+    assert!(!bounds.is_empty() && !bounds.iter().any(scope), "{bounds:?}");
+    let (start, end) = (report["initial"]["max_k"].as_f64().unwrap(), report["final"]["max_k"].as_f64().unwrap());
+    // The folding itself has K = 1.5^2 everywhere; straight edges add to that.
+    assert!(2.25 < start && end < start && end >= report["best_bound"].as_f64().unwrap(), "{start} {end}");
+    let fixed = read_tets(&at("case/image.vtu")).unwrap().points;
+    let kept = fixed.iter().zip(&exact).filter(|(a, b)| a == b).count();
+    assert!(kept as u64 >= report["domain"]["boundary_vertices"].as_u64().unwrap() && kept < exact.len());
+    let (code, said, _) = qcball(folder.path(), &["verify", "case"]);
+    assert!(code == 0 && said.ends_with("\nverified\n"), "{said}");
+    let (_, out, _) = run_cube(folder.path(), "kind = \"affine\"\nmatrix = [[4, 0, 0], [0, 2, 0], [0, 0, 1]]", &[]);
+    let report: Value = serde_json::from_str(&out).unwrap();
+    assert_eq!(report["closed_form_k"], 8.0);
+    assert!((report["initial"]["max_k"].as_f64().unwrap() - 8.0).abs() < 1e-12);
+}
+
+#[test]
+fn runs_from_maps_in_closed_form_are_refused_where_there_is_no_such_map_of_the_solid() {
+    let folder = tempfile::tempdir().unwrap();
+    let offset = "{ kind = \"affine\", matrix = [[1, 0, 0], [0, 1, 0], [0, 0, 1]], offset = [0, 3, 0] }";
+    let inversion = "{ kind = \"power\", exponent = -1 }";
+    let reflection = "{ kind = \"affine\", matrix = [[-1, 0, 0], [0, 1, 0], [0, 0, 1]] }";
+    let composed = |maps: &[&str]| format!("kind = \"composition\"\nmaps = [{}]", maps.join(", "));
+    for (map, words) in [
+        ("kind = \"folding\"\nratio = 1.5".to_string(), ["vertex ", "azimuth"]),
+        ("kind = \"zorich2\"\nhalf_side = 1.2".to_string(), ["has no image: the zorich2 map", "half_side = 1.2"]),
+        (composed(&[offset, inversion]), ["reverses orientation: ", "add a reflection"]),
+        // The cube's centre goes to infinity, or far off if it is not quite the origin.
+        (composed(&[inversion, reflection]), ["vertex 0 (counted from 0)", "put "]),
+    ] {
+        let (code, out, err) = run_cube(folder.path(), &map, &[]);
+        assert!((code, out.as_str()) == (2, "") && words.iter().all(|word| err.contains(word)), "{map}: {err}");
+        assert!(!folder.path().join("case").exists(), "{map}");
+    }
+    let (code, ..) = run_cube(folder.path(), &composed(&[offset, inversion, reflection]), &[]);
+    assert_eq!(code, 0);
+}

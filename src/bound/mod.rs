@@ -131,7 +131,8 @@ impl LowerBound {
 ///
 /// `centre` is the star centre and `radial_trace` whether the boundary positions are the radial projection about it onto
 /// a sphere: without both, the bounds for the radial boundary values ([`Scope::ShapeFixedTrace`]) say nothing and are
-/// left out, and so they are where a boundary triangle does not face away from the centre.
+/// left out, and so they are where a boundary triangle does not face away from the centre. Those of maps onto the ball
+/// ([`Scope::Shape`]) are left out of maps onto something else: where the boundary positions lie on no sphere about 0.
 ///
 /// # Panics
 /// If `image` has fewer positions than the domain has vertices.
@@ -147,8 +148,10 @@ pub fn all(domain: &Domain, image: &[Vec3], centre: Option<Vec3>, radial_trace: 
     bounds.extend(end_fan(domain, &edges, boundary_image));
     bounds.extend(vertex(domain, &edges, boundary_image));
     bounds.extend(apex(domain, image));
-    bounds.extend(wedge(domain, &edges));
-    bounds.extend(caraman(&features));
+    if is_inscribed(domain, image) {
+        bounds.extend(wedge(domain, &edges));
+        bounds.extend(caraman(&features));
+    }
     if let Some(centre) = centre.filter(|centre| radial_trace && is_strict_star_centre(domain, centre)) {
         bounds.extend(vertex_smooth(domain));
         bounds.extend(trace_smooth(domain, centre));
@@ -172,6 +175,14 @@ fn is_strict_star_centre(domain: &Domain, centre: &Vec3) -> bool {
     let at = |v: VertexId| &domain.mesh().points()[v.index()];
     let faces_away = |&[a, b, c]: &[VertexId; 3]| orientation([centre, at(a), at(b), at(c)]) == Orientation::Positive;
     centre.iter().all(|x| x.is_finite()) && domain.boundary().triangles().iter().all(faces_away)
+}
+
+/// Whether the boundary positions lie on a sphere about 0, up to the six digits that files may have.
+fn is_inscribed(domain: &Domain, image: &[Vec3]) -> bool {
+    let radii = || image.iter().zip(domain.boundary().vertex_mask()).filter(|(_, on)| **on).map(|(p, _)| p.norm());
+    let least = radii().fold(f64::INFINITY, f64::min);
+    // False for NaN, which the minimum passes over.
+    least.is_finite() && radii().all(|radius| radius <= least * (1.0 + 1e-5))
 }
 
 /// `value * (1 - relative_error)`, at least 1 (every dilatation is), or nothing if it is not finite.

@@ -10,7 +10,7 @@ use crate::dilatation::Dilatation;
 use crate::map::AnalyticMap;
 use crate::map::analytic::{Caraman, CaramanError, MapError};
 use crate::mesh::io::{CellData, check_tets_can_be_written, read_tets, write_tets};
-use crate::mesh::{Boundary, MeshError, Orientation, PolygonSoup, TetMesh, TetSoup, TopologyError, Vec3, orientation};
+use crate::mesh::{Boundary, MeshError, Orientation, TetMesh, TetSoup, TopologyError, Vec3, orientation};
 use crate::solid::{Surface, SurfaceError};
 
 /// The map and the two files.
@@ -88,8 +88,7 @@ fn caraman(parameters: &[String], path: &Path, soup: &TetSoup) -> Result<Analyti
     let (mesh, _) = TetMesh::from_either_orientation(soup.points.clone(), soup.tets.clone())
         .map_err(|error| MapFailure::Mesh { path: path(), error })?;
     let boundary = Boundary::of(&mesh).map_err(|error| MapFailure::Topology { path: path(), error })?;
-    let polygons = boundary.triangles().iter().map(|triangle| triangle.to_vec()).collect();
-    let surface = Surface::from_soup(PolygonSoup { points: soup.points.clone(), polygons })
+    let surface = Surface::from_triangles(soup.points.clone(), boundary.triangles())
         .map_err(|error| MapFailure::Surface { path: path(), error })?;
     let map = Caraman::new(&surface, centre, exponent).map_err(|error| MapFailure::Caraman { path: path(), error })?;
     Ok(AnalyticMap::Caraman(map))

@@ -12,7 +12,7 @@ use crate::config::{AnalyticMeshPlan, AnalyticPlan, CaramanPlan, CellsPlan, MapP
 use crate::estimate::{Cells, Estimate, EstimateSummary, Estimator, Weights, at_vertices, measure, on_cells};
 use crate::map::AnalyticMap;
 use crate::map::analytic::{Caraman, CaramanError, MapError};
-use crate::mesh::{PolygonSoup, TetMesh, Vec3, VoxelMesh};
+use crate::mesh::{TetMesh, Vec3, VoxelMesh};
 use crate::picture::{Picture, PictureError, PictureSettings};
 use crate::solid::{
     CentreError, Curvature, ExternalError, Invariants, ShellError, SolidError, Surface, SurfaceError, VoxelizeError,
@@ -185,8 +185,7 @@ fn map_of(map: &MapPlan, mesh: &AnalyticMeshPlan, surface: &Surface) -> Result<A
 
 fn surface_row(plan: &AnalyticMeshPlan, surface: &Surface, map: &AnalyticMap) -> Result<SurfaceRow, Fault> {
     let points = map.apply(surface.points()).map_err(|(vertex, error)| Fault::Map { vertex, error })?;
-    let polygons = surface.triangles().iter().map(|triangle| triangle.to_vec()).collect();
-    let image = Surface::from_soup(PolygonSoup { points, polygons }).map_err(Fault::Image)?;
+    let image = Surface::from_triangles(points, surface.triangles()).map_err(Fault::Image)?;
     Ok(SurfaceRow {
         mesh: plan.solid.to_string(),
         triangles: surface.triangles().len(),
@@ -237,8 +236,7 @@ fn placed(plan: &AnalyticMeshPlan) -> Result<Surface, Fault> {
     let Some(place) = &plan.place else { return Ok(surface) };
     let points =
         AnalyticMap::Affine(place.clone()).apply(surface.points()).map_err(|(_, error)| Fault::Place(error))?;
-    let polygons = surface.triangles().iter().map(|triangle| triangle.to_vec()).collect();
-    Ok(Surface::from_soup(PolygonSoup { points, polygons })?)
+    Ok(Surface::from_triangles(points, surface.triangles())?)
 }
 
 /// What is measured of a map, without the published figures, and the image.

@@ -7,6 +7,7 @@ mod analytic;
 mod bench;
 mod error;
 mod limits;
+mod map;
 mod mesh;
 mod plan;
 mod solid;
@@ -16,8 +17,9 @@ mod sweep;
 pub use analytic::{AnalyticMeshPlan, AnalyticPlan, CaramanName, CaramanPlan, CellsPlan, MapPlan};
 pub use bench::{BenchPlan, optimize_settings};
 pub use error::ConfigError;
+pub use map::InitialMap;
 pub use mesh::MeshPlan;
-pub use plan::{DomainSource, InitialMap, Plan};
+pub use plan::{DomainSource, Plan};
 pub use solid::SolidName;
 pub use source::{ConfigSource, Setting};
 pub use sweep::{CasePlan, MOST_CASES, SweepPlan};
@@ -25,8 +27,9 @@ pub use sweep::{CasePlan, MOST_CASES, SweepPlan};
 use std::collections::BTreeMap;
 
 use schemars::JsonSchema;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
+use crate::map::AnalyticMap;
 use crate::optimize::Engine;
 
 /// A qcball config file, key by key as typed.
@@ -186,29 +189,45 @@ pub enum MeshKind {
 }
 
 /// The table `[map]`.
-#[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct MapTable {
     /// The map to start from. Default: "radial", Caraman's. "farthest" takes the farthest boundary point on each ray, for
-    /// given meshes of solids that are not star-shaped about the centre: a map into a part of the ball.
+    /// given meshes of solids that are not star-shaped about the centre: a map into a part of the ball. The others are maps
+    /// in closed form onto images of their own, whose values at the boundary vertices are kept.
     pub kind: MapKind,
     /// Exponent a > 0 of the radial map: the point at the fraction t of the way to the surface goes to radius t^a; or
-    /// "optimize", the exponent with the least K. Default: 1.
+    /// "optimize", the exponent with the least K. Default: 1. Of the map |x|^(a-1) x (power): any number but 0.
     pub exponent: Option<ExponentValue>,
+    /// The matrix A of x -> A x + b, by rows (affine).
+    pub matrix: Option<[[f64; 3]; 3]>,
+    /// The vector b of x -> A x + b (affine). Default: [0, 0, 0].
+    pub offset: Option<[f64; 3]>,
+    /// What the azimuth (folding) or the polar angle (cone) is multiplied by, > 0.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub ratio: Option<f64>,
+    /// The half-angle of the domain in radians, at most min(pi, pi / ratio) (cone). Default: that.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub angle: Option<f64>,
+    /// Half a side of the square, or the radius of the round cylinder, > 0 (zorich1, zorich2, zorich).
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub half_side: Option<f64>,
+    /// Maps in the order in which they are applied, each with its `kind` and parameters (composition).
+    pub maps: Option<Vec<AnalyticMap>>,
 }
 
 /// The value of `map.exponent`.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
-#[serde(untagged, expecting = "the exponent is a positive number or \"optimize\"")]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged, expecting = "the exponent is a number or \"optimize\"")]
 pub enum ExponentValue {
     /// A rule.
     Named(ExponentName),
-    /// A number > 0.
+    /// A number.
     Given(f64),
 }
 
 /// A rule that finds the exponent.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum ExponentName {
     /// The exponent for which the radial map about the star centre has the least K.
@@ -216,14 +235,31 @@ pub enum ExponentName {
 }
 
 /// A map to start from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum MapKind {
-    /// Caraman's radial map.
+    /// Caraman's radial map; "caraman" names it as well.
     #[default]
+    #[serde(alias = "caraman")]
     Radial,
     /// Its extension to solids that are not star-shaped: each ray up to the farthest boundary point.
     Farthest,
+    /// x -> A x + b.
+    Affine,
+    /// Multiplies the azimuth.
+    Folding,
+    /// Multiplies the polar angle.
+    Cone,
+    /// |x|^(a-1) x.
+    Power,
+    /// A square cylinder onto a round one.
+    Zorich1,
+    /// A round cylinder onto a half-space.
+    Zorich2,
+    /// A square cylinder onto a half-space.
+    Zorich,
+    /// Several maps in closed form, one after the other.
+    Composition,
 }
 
 /// The table `[optimize]`.

@@ -5,11 +5,9 @@ use std::time::Duration;
 
 use super::error::{ConfigError, EXAMPLE, Fault};
 use super::limits::{duration, positive, whole};
+use super::map::{self, InitialMap};
 use super::mesh::{self, MeshPlan};
-use super::{
-    CentreName, CentreValue, Config, ConfigSource, ExponentName, ExponentValue, MapKind, MeshKind, ObjectiveName,
-    OptimizeTable, PolishName, solid,
-};
+use super::{CentreName, CentreValue, Config, ConfigSource, ObjectiveName, OptimizeTable, PolishName, solid};
 use crate::bound::certificate::DEFAULT_TIME_LIMIT;
 use crate::mesh::Vec3;
 use crate::mesh::io::holds_a_surface;
@@ -54,15 +52,6 @@ pub enum DomainSource {
     Mesh(PathBuf),
 }
 
-/// The map to start from.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct InitialMap {
-    /// Radial or its extension.
-    pub kind: MapKind,
-    /// Exponent a > 0, 1 maps rays linearly; `None` for the best one.
-    pub exponent: Option<f64>,
-}
-
 impl Plan {
     /// Reads a config, applies the overrides `key.path=value` and checks what they mean together.
     ///
@@ -83,7 +72,7 @@ impl Plan {
             keep_mesh: config.domain.keep_mesh,
             centre: centre(config)?,
             mesh: mesh::plan(&config.mesh, source.path())?,
-            map: map(config)?,
+            map: map::plan(config)?,
             optimize: optimize(config)?,
             certify: certify(config)?,
         })
@@ -138,34 +127,6 @@ fn domain(config_path: &Path, config: &Config) -> Result<DomainSource, Fault> {
         return Err(Fault::at(&["domain", "keep_mesh"], message, "remove the key, or give a mesh as domain.file"));
     }
     Ok(source)
-}
-
-fn map(config: &Config) -> Result<InitialMap, Fault> {
-    let exponent = match config.map.exponent {
-        None => Some(1.0),
-        Some(ExponentValue::Named(ExponentName::Optimize)) => None,
-        Some(ExponentValue::Given(exponent)) => Some(positive(Some(exponent), 1.0, &["map", "exponent"])?),
-    };
-    let kind = config.map.kind;
-    if kind == MapKind::Farthest {
-        let is_mesh = config.domain.file.as_ref().is_some_and(|file| !holds_a_surface(Path::new(file)));
-        if !is_mesh && config.mesh.kind == MeshKind::Shell {
-            let message =
-                "the map \"farthest\" cannot start from a shell mesh, which is for star-shaped solids".to_string();
-            let help = "give a mesh as domain.file, set mesh.kind to \"tetgen\" or \"gmsh\", or use kind = \"radial\"";
-            return Err(Fault::at(&["map", "kind"], message, help));
-        }
-        if !matches!(centre(config)?, CentreChoice::Centroid | CentreChoice::BoundingBox | CentreChoice::At(_)) {
-            let message = "the map \"farthest\" is for solids without a star centre".to_string();
-            let help = "set domain.centre to \"centroid\", \"bbox\" or a point [x, y, z]";
-            return Err(Fault::at(&["map", "kind"], message, help));
-        }
-        if exponent.is_none() {
-            let message = "the best exponent is known for the map \"radial\" only".to_string();
-            return Err(Fault::at(&["map", "exponent"], message, "give a number"));
-        }
-    }
-    Ok(InitialMap { kind, exponent })
 }
 
 pub(super) fn centre(config: &Config) -> Result<CentreChoice, Fault> {

@@ -32,7 +32,7 @@ fn the_least_config_has_the_documented_defaults() {
     assert_eq!((plan.domain, plan.centre), (DomainSource::Solid(Solid::Cube), CentreChoice::Kernel));
     let shell = ShellSettings { subdivisions: 1, refinement: None, layers: 8, grading: 1.0 };
     assert_eq!(plan.mesh, MeshPlan::Shell(shell));
-    assert_eq!(plan.map, InitialMap { kind: MapKind::Radial, exponent: Some(1.0) });
+    assert_eq!(plan.map, InitialMap::Radial { exponent: Some(1.0) });
     assert_eq!((plan.optimize, plan.certify), (OptimizeSettings::default(), None));
 }
 
@@ -49,7 +49,7 @@ fn every_key_arrives() {
     assert_eq!((plan.domain, plan.centre), (DomainSource::Solid(solid), CentreChoice::At(Vec3::new(0.0, 0.5, 1.0))));
     let shell = ShellSettings { subdivisions: 2, refinement: Some(Refinement::Cells(1000)), layers: 3, grading: 1.5 };
     assert_eq!(plan.mesh, MeshPlan::Shell(shell));
-    assert_eq!(plan.map, InitialMap { kind: MapKind::Radial, exponent: Some(2.0) });
+    assert_eq!(plan.map, InitialMap::Radial { exponent: Some(2.0) });
     let expected = OptimizeSettings {
         objective: Objective::SoftMax(16.0),
         engine: Engine::Lbfgs,
@@ -166,6 +166,29 @@ fn meshers_refuse_each_others_keys() {
 }
 
 #[test]
+fn maps_in_closed_form_are_read_as_in_the_table_analytic() {
+    let map = |keys: &str, overrides: &[&str]| {
+        plan(&format!("[domain]\nsolid = \"cube\"\n[map]\n{keys}"), overrides).unwrap().map
+    };
+    let formula = |kind: &str, words: &[&str]| {
+        let words: Vec<String> = words.iter().map(|word| word.to_string()).collect();
+        InitialMap::Formula(AnalyticMap::from_words(kind, &words).unwrap())
+    };
+    assert_eq!(map("kind = \"folding\"\nratio = 1", &["map.ratio=1.5"]), formula("folding", &["ratio=1.5"]));
+    assert_eq!(map("kind = \"power\"\nexponent = -2", &[]), formula("power", &["exponent=-2"]));
+    assert_eq!(map("kind = \"cone\"\nratio = 2\nangle = 0.5", &[]), formula("cone", &["ratio=2", "angle=0.5"]));
+    let [matrix, maps] = ["[[1, 0, 0], [0, 1, 0], [0, 0, 2]]", "[{ kind = \"zorich\", half_side = 2 }]"];
+    let affine = formula("affine", &[&format!("matrix={matrix}"), "offset=[0, 2, 0]"]);
+    assert_eq!(map(&format!("kind = \"affine\"\nmatrix = {matrix}\noffset = [0, 2, 0]"), &[]), affine);
+    for kind in ["zorich1", "zorich2", "zorich"] {
+        assert_eq!(map(&format!("kind = \"{kind}\"\nhalf_side = 2"), &[]), formula(kind, &["half_side=2"]));
+    }
+    let composed = formula("composition", &[&format!("maps={maps}")]);
+    assert_eq!(map(&format!("kind = \"composition\"\nmaps = {maps}"), &[]), composed);
+    assert_eq!(map("kind = \"caraman\"\nexponent = 2", &[]), InitialMap::Radial { exponent: Some(2.0) });
+}
+
+#[test]
 fn faults_name_line_key_and_remedy() {
     let cube = "[domain]\nsolid = \"cube\"\n";
     let cases: &[(&str, &[&str])] = &[
@@ -215,6 +238,19 @@ fn faults_name_line_key_and_remedy() {
             &["case.toml:4: `kind` speaks of a mesh to be made"],
         ),
         (&format!("{cube}[map]\nexponent = -2"), &["case.toml:4: `map.exponent` is -2"]),
+        (&format!("{cube}[map]\nratio = 2"), &["case.toml:4: `ratio` is no parameter of a radial map"]),
+        (&format!("{cube}[map]\nkind = \"folding\""), &["case.toml:3: `map.ratio`: missing field", "qcball schema"]),
+        (
+            &format!("{cube}[map]\nkind = \"folding\"\nratio = 2\nangle = 1"),
+            &["case.toml:6: unknown key `map.angle`", "known here: ratio"],
+        ),
+        (&format!("{cube}[map]\nkind = \"foldin\""), &["case.toml:4: `map.kind` cannot be", "did you mean `folding`?"]),
+        (&format!("{cube}[map]\nkind = \"folding\"\nratio = -2"), &["case.toml:5: [map]: ratio is -2", "positive"]),
+        (&format!("{cube}[map]\nkind = \"power\"\nexponent = \"optimize\""), &["case.toml:5: the best exponent"]),
+        (
+            &format!("{cube}[map]\nkind = \"composition\"\nmaps = [{{ kind = \"fold\", ratio = 2 }}]"),
+            &["case.toml:5: `map.maps` cannot be `fold`", "known here: affine"],
+        ),
         (&format!("{cube}[map]\nexponent = inf"), &["case.toml:4: `map.exponent` is inf"]),
         (
             &format!("{cube}[optimize]\nexponent = -1\nobjective = \"soft-max\""),
@@ -295,7 +331,7 @@ fn the_schema_describes_every_key() {
         }
         assert_eq!(table["additionalProperties"], false);
     }
-    assert_eq!(described, 75, "keys in the schema");
+    assert_eq!(described, 81, "keys in the schema");
     let text = schema.to_string();
     for solid in ["\"tetrahedron\"", "\"star-polyhedron\""] {
         assert!(text.contains(solid), "{solid}");

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use crate::map::RayError;
+use crate::map::analytic::MapError;
 use crate::mesh::io::ReadError;
 use crate::mesh::{MeshError, TopologyError};
 use crate::optimize::OptimizeError;
@@ -74,6 +75,40 @@ pub enum Fault {
     /// A ray misses the boundary.
     #[error(transparent)]
     Ray(#[from] RayError),
+    /// A vertex outside of the domain of a map in closed form.
+    #[error(
+        "vertex {vertex} (counted from 0) at ({:.6}, {:.6}, {:.6}) has no image: {error}; put the solid elsewhere by an affine \
+         map before this one: [map] kind = \"composition\", maps = [{{ kind = \"affine\", matrix = ..., offset = ... }}, ...]",
+        at[0], at[1], at[2]
+    )]
+    Map {
+        /// The vertex.
+        vertex: usize,
+        /// Where it is.
+        at: [f64; 3],
+        /// Why it has no image.
+        error: Box<MapError>,
+    },
+    /// A map in closed form that reverses orientation.
+    #[error(
+        "the map reverses orientation: {flipped} of {tets} tets are flipped; add a reflection, which keeps K: [map] kind = \
+         \"composition\", maps = [..., {{ kind = \"affine\", matrix = [[-1, 0, 0], [0, 1, 0], [0, 0, 1]] }}]"
+    )]
+    Mirrored {
+        /// How many tets are flipped.
+        flipped: usize,
+        /// Of how many.
+        tets: usize,
+    },
+    /// A solid with a point in it where a map in closed form has no value.
+    #[error(
+        "the image of vertex {vertex} (counted from 0) lies far outside of that of the boundary: the solid holds a point where \
+         the map has no value; put it elsewhere by an affine map before this one, in a composition"
+    )]
+    Torn {
+        /// The vertex.
+        vertex: usize,
+    },
     /// The optimisation could not start.
     #[error(transparent)]
     Optimize(#[from] OptimizeError),

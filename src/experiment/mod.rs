@@ -10,7 +10,7 @@ use crate::bound::certificate::{self, Certificate};
 use crate::bound::{self, LowerBound};
 use crate::config::Plan;
 use crate::domain::Domain;
-use crate::map::{bijectivity, caraman};
+use crate::map::bijectivity;
 use crate::measure::{Measured, bottleneck, measure};
 use crate::mesh::{TetId, Vec3};
 use crate::optimize::{OptimizeSettings, Outcome, StopReason, TraceRow, Untangled, optimize, untangle};
@@ -30,11 +30,11 @@ pub struct Finished {
     pub report: Report,
     /// The domain.
     pub domain: Domain,
-    /// Image positions of the radial map.
+    /// Image positions started from.
     pub initial: Vec<Vec3>,
     /// The optimised positions and the trace.
     pub outcome: Outcome,
-    /// The radial map, measured.
+    /// The map started from, measured.
     pub measured_initial: Measured,
     /// The optimised map, measured.
     pub measured: Measured,
@@ -80,8 +80,7 @@ pub fn on_threads<T: Send>(threads: usize, job: impl FnOnce() -> T + Send) -> Re
 
 fn stages(plan: &Plan, observe: &mut dyn FnMut(&TraceRow)) -> Result<Finished, RunError> {
     let clock = Instant::now();
-    let Start { origin, domain, centre, exponent, smooth_k, coordinates, splits, mut warnings } = Start::of(plan)?;
-    let initial = caraman(&coordinates, exponent);
+    let Start { origin, domain, centre, image: initial, map, splits, mut warnings } = Start::of(plan)?;
     let measured_initial = measure(&domain, &initial);
     let fixed = domain.boundary().vertex_mask();
     let (untangled, outcome) =
@@ -103,8 +102,7 @@ fn stages(plan: &Plan, observe: &mut dyn FnMut(&TraceRow)) -> Result<Finished, R
         seed: plan.seed,
         domain: DomainFigures::of(&domain, origin, centre.as_ref()),
         splits,
-        radial_exponent: exponent,
-        radial_smooth_k: smooth_k,
+        map,
         initial: measured_initial.summary.clone(),
         untangling: UntanglingFigures::of(&domain, measured_initial.summary.flipped, &untangled),
         last: measured.summary.clone(),

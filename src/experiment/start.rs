@@ -1,29 +1,28 @@
-//! The first half of a run: from what the plan names to a domain with radial coordinates.
+//! The first half of a run: from what the plan names to a domain and the map to start from.
 
 use std::path::Path;
 
 use super::error::{Fault, RunError};
-use crate::config::{DomainSource, MapKind, MeshPlan, Plan};
+use crate::config::{DomainSource, InitialMap, MeshPlan, Plan};
 use crate::domain::Domain;
-use crate::map::{RadialCoordinates, RayEnd, by_ray_casting};
+use crate::map::{AnalyticMap, RadialCoordinates, RayEnd, by_ray_casting, caraman};
 use crate::mesh::io::{read_surface, read_tets};
-use crate::mesh::{PolygonSoup, TetMesh, Vec3, VertexId, full_boundary};
-use crate::report::Splits;
+use crate::mesh::{Orientation, TetMesh, Vec3, full_boundary, orientation};
+use crate::report::{MapFigures, Splits};
 use crate::solid::{
     StarCentre, Surface, best_radial_exponent, external_mesh, radial_max_dilatation, shell_mesh, star_centre,
 };
 
-/// A domain, its star centre and where its vertices lie on the rays from there.
+/// A domain and a map of it.
 pub(super) struct Start {
     /// The solid or its file, in words.
     pub origin: String,
     pub domain: Domain,
-    /// The star centre; `None` for the map "farthest".
+    /// The star centre of the radial map; `None` for other maps.
     pub centre: Option<StarCentre>,
-    pub exponent: f64,
-    /// Largest K of the smooth radial map, if there is a star centre.
-    pub smooth_k: Option<f64>,
-    pub coordinates: Vec<RadialCoordinates>,
+    /// Image positions.
+    pub image: Vec<Vec3>,
+    pub map: MapFigures,
     /// The splits that freed locked tets, if the mesh was not made in shells and needed any.
     pub splits: Option<Splits>,
     pub warnings: Vec<String>,
@@ -54,10 +53,11 @@ impl Start {
                 let centre = star_centre(surface, &plan.centre)?;
                 let shell = shell_mesh(surface, centre.position, settings)?;
                 let coordinates = RadialCoordinates::of_shell(&shell);
-                let (exponent, smooth_k) = exponent(plan, surface, Some(&centre));
-                let (domain, centre) = (Domain::new(shell.mesh)?, Some(centre));
-                let (origin, splits, warnings) = (String::new(), None, Vec::new());
-                Self { origin, domain, centre, exponent, smooth_k, coordinates, splits, warnings }
+                let domain = Domain::new(shell.mesh)?;
+                match &plan.map {
+                    InitialMap::Formula(map) => Self::of_formula(domain, map)?,
+                    _ => Self::of_rays(domain, surface, Some(centre), &coordinates, plan),
+                }
             }
             MeshPlan::External(settings) => {
                 Self::of_domain(Domain::new(external_mesh(surface, settings)?)?, surface, plan)?
@@ -77,7 +77,8 @@ impl Start {
             TetMesh::from_either_orientation(soup.points, soup.tets).map_err(RunError::at(&origin))?;
         let domain = Domain::new(mesh).map_err(RunError::at(&origin))?;
         let at = |fault| RunError::Fault { origin: origin.clone(), fault };
-        let surface = boundary_surface(&domain).map_err(at)?;
+        let surface = Surface::from_triangles(domain.mesh().points().to_vec(), domain.boundary().triangles());
+        let surface = surface.map_err(RunError::at(&origin))?;
         let mut start = Self::of_domain(domain, &surface, plan).map_err(at)?;
         if exchanged > 0 {
             start.warnings.push(format!(
@@ -87,37 +88,92 @@ impl Start {
         Ok(start)
     }
 
-    /// Frees a mesh's locked tets and casts rays through its vertices.
+    /// Frees a mesh's locked tets and maps its vertices.
     fn of_domain(domain: Domain, surface: &Surface, plan: &Plan) -> Result<Self, Fault> {
         let (domain, splits) = freed(domain, plan.keep_mesh)?;
-        let mut warnings = Vec::new();
-        // The plan allows "farthest" only with a rule that names a point for any solid.
-        let (position, centre, end) = match (plan.map.kind, plan.centre.point(surface)) {
-            (MapKind::Farthest, Some(point)) => (point, None, RayEnd::Farthest),
+        let (position, centre, end) = match (&plan.map, plan.centre.point(surface)) {
+            (InitialMap::Formula(map), _) => return Ok(Self { splits, ..Self::of_formula(domain, map)? }),
+            // The plan allows "farthest" only with a rule that names a point for any solid.
+            (InitialMap::Farthest { .. }, Some(point)) => (point, None, RayEnd::Farthest),
             _ => {
                 let centre = star_centre(surface, &plan.centre)?;
                 (centre.position, Some(centre), RayEnd::Only)
             }
         };
+        let coordinates = radial_coordinates(&domain, surface, position, end)?;
+        let mut start = Self { splits, ..Self::of_rays(domain, surface, centre, &coordinates, plan) };
         if end == RayEnd::Farthest {
-            warnings.push(
+            start.warnings.push(
                 "each ray ends at its farthest boundary point: the image is a part of the ball, and only the orientation of \
                  the tets is known of it, so that it may overlap itself"
                     .into(),
             );
         }
-        let coordinates = radial_coordinates(&domain, surface, position, end)?;
-        let (exponent, smooth_k) = exponent(plan, surface, centre.as_ref());
-        Ok(Self { origin: String::new(), domain, centre, exponent, smooth_k, coordinates, splits, warnings })
+        Ok(start)
+    }
+
+    /// Caraman's map or its extension.
+    fn of_rays(
+        domain: Domain,
+        surface: &Surface,
+        centre: Option<StarCentre>,
+        coordinates: &[RadialCoordinates],
+        plan: &Plan,
+    ) -> Self {
+        let position = centre.map(|centre| centre.position);
+        let (kind, given) = match &plan.map {
+            InitialMap::Farthest { exponent } => ("farthest", Some(*exponent)),
+            InitialMap::Radial { exponent } => ("radial", *exponent),
+            InitialMap::Formula(_) => ("radial", None),
+        };
+        let best = || position.map(|position| best_radial_exponent(surface, &position));
+        let exponent = given.or_else(best).unwrap_or(1.0);
+        let map = MapFigures {
+            map: format!("{kind}, exponent {exponent}"),
+            radial_exponent: Some(exponent),
+            radial_smooth_k: position.map(|position| radial_max_dilatation(surface, &position, exponent)),
+            closed_form_k: None,
+        };
+        let image = caraman(coordinates, exponent);
+        Self { origin: String::new(), domain, centre, image, map, splits: None, warnings: Vec::new() }
+    }
+
+    /// A map in closed form, of the vertices.
+    fn of_formula(domain: Domain, formula: &AnalyticMap) -> Result<Self, Fault> {
+        let points = domain.mesh().points();
+        let image = formula.apply(points).map_err(|(vertex, error)| {
+            let [x, y, z] = points[vertex].into();
+            Fault::Map { vertex, at: [x, y, z], error: Box::new(error) }
+        })?;
+        if let Some(vertex) = far_outside(&domain, &image) {
+            return Err(Fault::Torn { vertex });
+        }
+        let tets = domain.mesh().tets();
+        let flipped = tets.iter().filter(|tet| orientation(tet.map(|v| &image[v.index()])) == Orientation::Negative);
+        let flipped = flipped.count();
+        // A few may be: those of a coarse mesh that a curved image needs finer.
+        if 2 * flipped > tets.len() {
+            return Err(Fault::Mirrored { flipped, tets: tets.len() });
+        }
+        let map = MapFigures {
+            map: formula.to_string(),
+            radial_exponent: None,
+            radial_smooth_k: None,
+            closed_form_k: formula.max_dilatation().map(|dilatation| dilatation.k()).filter(|k| k.is_finite()),
+        };
+        let (origin, centre, splits, warnings) = (String::new(), None, None, Vec::new());
+        Ok(Self { origin, domain, centre, image, map, splits, warnings })
     }
 }
 
-/// The exponent of the plan, or the best one, and the largest K of the smooth radial map with it.
-fn exponent(plan: &Plan, surface: &Surface, centre: Option<&StarCentre>) -> (f64, Option<f64>) {
-    // The plan asks for the best one only with a star centre.
-    let Some(centre) = centre else { return (plan.map.exponent.unwrap_or(1.0), None) };
-    let exponent = plan.map.exponent.unwrap_or_else(|| best_radial_exponent(surface, &centre.position));
-    (exponent, Some(radial_max_dilatation(surface, &centre.position, exponent)))
+/// A vertex whose image is no part of the image of a ball: beyond the box around the boundary's image by more than the
+/// length of its diagonal, which leaves room for what bulges between the vertices.
+fn far_outside(domain: &Domain, image: &[Vec3]) -> Option<usize> {
+    let of_boundary = || image.iter().zip(domain.boundary().vertex_mask()).filter(|(_, on)| **on).map(|(p, _)| *p);
+    let low = of_boundary().reduce(|a, b| a.inf(&b))?;
+    let high = of_boundary().reduce(|a, b| a.sup(&b))?;
+    let room = (high - low).norm();
+    image.iter().position(|p| (low - p).max() > room || (p - high).max() > room)
 }
 
 /// The domain with its boundary made a full subcomplex, unless the mesh is to be kept.
@@ -131,21 +187,6 @@ fn freed(domain: Domain, keep_mesh: bool) -> Result<(Domain, Option<Splits>), Fa
     }
     let splits = Splits { edges: full.edge_splits, faces: full.face_splits, tets_before: domain.mesh().tets().len() };
     Ok((Domain::new(full.mesh)?, Some(splits)))
-}
-
-/// The boundary of a mesh as a surface, its vertices renumbered.
-fn boundary_surface(domain: &Domain) -> Result<Surface, Fault> {
-    let boundary = domain.boundary();
-    let mut number = vec![VertexId(0); domain.mesh().points().len()];
-    let mut points = Vec::new();
-    for (vertex, point) in domain.mesh().points().iter().enumerate() {
-        if boundary.vertex_mask()[vertex] {
-            number[vertex] = VertexId(points.len() as u32);
-            points.push(*point);
-        }
-    }
-    let polygons = boundary.triangles().iter().map(|t| t.map(|v| number[v.index()]).to_vec()).collect();
-    Ok(Surface::from_soup(PolygonSoup { points, polygons })?)
 }
 
 /// Radial coordinates of all vertices, those of the boundary at the ends of their rays.

@@ -56,6 +56,21 @@ impl DomainFigures {
     }
 }
 
+/// What is known of the map started from without measuring it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct MapFigures {
+    /// Its kind and parameters, in words.
+    pub map: String,
+    /// Exponent a of a radial map; `null` for other maps.
+    pub radial_exponent: Option<f64>,
+    /// The largest K of the smooth radial map, in closed form, which `initial.max_k` tends to on finer meshes; none without
+    /// a star centre.
+    pub radial_smooth_k: Option<f64>,
+    /// The least upper bound of K of another map, over all points where it is defined; none where it is infinite or no
+    /// formula is known. On fine meshes `initial.max_k` exceeds it by little.
+    pub closed_form_k: Option<f64>,
+}
+
 /// The splits that made a given mesh's boundary a full subcomplex, so that no tet is locked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Splits {

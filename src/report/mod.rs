@@ -8,7 +8,7 @@ mod map_report;
 mod results;
 mod summary;
 
-pub use figures::{BestBound, DomainFigures, Splits, UntanglingFigures};
+pub use figures::{BestBound, DomainFigures, MapFigures, Splits, UntanglingFigures};
 pub use html::{PageError, write_pages};
 pub use limit::{Limit, LimitedBy};
 pub use map_report::MapReport;
@@ -49,11 +49,9 @@ pub struct Report {
     pub domain: DomainFigures,
     /// The splits that freed locked tets of a given mesh; `null` if there were none.
     pub splits: Option<Splits>,
-    /// Exponent a of the radial map started from.
-    pub radial_exponent: f64,
-    /// The largest K of the smooth radial map, in closed form, which `initial.max_k` tends to on finer meshes; none without
-    /// a star centre.
-    pub radial_smooth_k: Option<f64>,
+    /// The map started from, before it was measured.
+    #[serde(flatten)]
+    pub map: MapFigures,
     /// The map started from, measured.
     pub initial: Summary,
     /// How flipped tets of that map were untangled; `null` if there were none.

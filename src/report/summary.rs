@@ -1,6 +1,6 @@
 //! What a person reads of a run in a terminal.
 
-use super::{BestBound, Limit, MapReport, Report, Splits, Times, UntanglingFigures};
+use super::{BestBound, Limit, MapFigures, MapReport, Report, Splits, Times, UntanglingFigures};
 use crate::bound::{Kind, LowerBound, Scope};
 use crate::measure::{Bottleneck, Summary};
 use crate::mesh::Place;
@@ -8,6 +8,8 @@ use crate::optimize::StopReason;
 
 /// The width that a text is wrapped to.
 const COLUMNS: usize = 80;
+/// What may help tets that resist untangling.
+const REFINE: &str = "refine the mesh there";
 
 /// The report in words and aligned numbers, some 80 columns wide, without colour and without anything that differs from one
 /// run to the next.
@@ -23,14 +25,16 @@ pub fn summary(report: &Report) -> String {
         domain.vertices, domain.boundary_vertices, domain.tets, domain.locked, domain.smallest_dihedral_angle
     );
     let bijective = format!("{}: {}", if report.bijective { "yes" } else { "no" }, report.bijective_reason);
+    let remedy = if domain.centre.is_some() { "refine the mesh there, or move the star centre" } else { REFINE };
     let blocks = [
         labelled("run", &format!("{} ({})", report.name, command_in_words(report))),
         labelled("solid", &domain.solid),
         centre.map(|centre| labelled("centre", &centre)).unwrap_or_default(),
         labelled("mesh", &mesh),
         report.splits.map(splits_in_words).unwrap_or_default(),
+        map_in_words(&report.map).map(|map| labelled("map", &map)).unwrap_or_default(),
         format!("\n{}\n", dilatations(&[("start", &report.initial), ("final", &report.last)])),
-        report.untangling.as_ref().map(|u| labelled("untangled", &untangling_in_words(u))).unwrap_or_default(),
+        report.untangling.as_ref().map(|u| labelled("untangled", &untangling_in_words(u, remedy))).unwrap_or_default(),
         report.bottleneck.as_ref().map(|b| labelled("bottleneck", &bottleneck_in_words(b))).unwrap_or_default(),
         labelled("bijective", &bijective),
         labelled("stopped", &stop_in_words(report.stop, report.iterations)),
@@ -38,6 +42,18 @@ pub fn summary(report: &Report) -> String {
         report.warnings.iter().map(|warning| labelled("warning", warning)).collect(),
     ];
     blocks.concat()
+}
+
+/// A map in closed form; the radial ones go without saying.
+fn map_in_words(map: &MapFigures) -> Option<String> {
+    if map.radial_exponent.is_some() {
+        return None;
+    }
+    let most = map
+        .closed_form_k
+        .map(|k| format!("; its own K, before any mesh, is at most {}", number(k)))
+        .unwrap_or_default();
+    Some(format!("{}{most}", map.map))
 }
 
 fn splits_in_words(splits: Splits) -> String {
@@ -49,7 +65,7 @@ fn splits_in_words(splits: Splits) -> String {
     labelled("", &text)
 }
 
-fn untangling_in_words(untangling: &UntanglingFigures) -> String {
+fn untangling_in_words(untangling: &UntanglingFigures, remedy: &str) -> String {
     let steps = format!("{} flipped at the start, {} steps", untangling.flipped_before, untangling.iterations);
     if untangling.resisting.is_empty() {
         return steps;
@@ -59,7 +75,7 @@ fn untangling_in_words(untangling: &UntanglingFigures) -> String {
         ids.iter().take(8).map(u32::to_string).collect::<Vec<_>>().join(", ") + more
     };
     format!(
-        "{steps}; {} tets resist: {} (common vertices: {}); refine the mesh there, or move the star centre",
+        "{steps}; {} tets resist: {} (common vertices: {}); {remedy}",
         untangling.resisting.len(),
         list(untangling.resisting.iter().map(|t| t.0).collect()),
         list(untangling.common_vertices.iter().map(|v| v.0).collect())
@@ -81,7 +97,7 @@ pub fn map_summary(report: &MapReport) -> String {
         labelled("mesh", &mesh),
         report.splits.map(splits_in_words).unwrap_or_default(),
         format!("\n{}\n", dilatations(&[("start", &report.initial), ("final", &report.last)])),
-        report.untangling.as_ref().map(|u| labelled("untangled", &untangling_in_words(u))).unwrap_or_default(),
+        report.untangling.as_ref().map(|u| labelled("untangled", &untangling_in_words(u, REFINE))).unwrap_or_default(),
         labelled("active", &format!("{} tets within 0.1 % of the largest K", report.active)),
         labelled("stopped", &stop_in_words(report.stop, report.iterations)),
         time_line(report.times),

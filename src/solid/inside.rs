@@ -131,12 +131,14 @@ impl IntersectsAabb<f64, 3> for Upward {
 #[cfg(test)]
 mod tests {
     use std::f64::consts::PI;
+    use std::path::Path;
 
     use rand_chacha::ChaCha8Rng;
     use rand_chacha::rand_core::{RngCore, SeedableRng};
     use rayon::prelude::*;
 
     use super::*;
+    use crate::mesh::io::read_surface;
     use crate::solid::Solid;
 
     fn surfaces() -> Vec<Surface> {
@@ -148,12 +150,17 @@ mod tests {
             Solid::Icosahedron,
             Solid::Prism { sides: 5, height: 0.7 },
             Solid::Pyramid { sides: 4, height: 1.3 },
+            Solid::Bipyramid { sides: 5, height: 0.8 },
+            Solid::Box { size: [1.0, 2.0, 3.0] },
             Solid::Ball { radius: 1.0, resolution: 4 },
+            Solid::Ellipsoid { radii: [1.0, 2.0, 3.0], resolution: 4 },
             Solid::Torus { major_radius: 1.0, minor_radius: 0.4, resolution: 8 },
             Solid::SmoothStar { seed: 3, degree: 4, amplitude: 0.5, resolution: 4 },
             Solid::PolyhedralStar { seed: 5, amplitude: 0.6, resolution: 3 },
         ];
-        solids.iter().map(|solid| solid.surface().unwrap()).collect()
+        let gem = read_surface(&Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/solids/gem.obj")).unwrap();
+        let gem = Surface::from_soup(gem).unwrap();
+        solids.iter().map(|solid| solid.surface().unwrap()).chain([gem]).collect()
     }
 
     /// How often the surface winds around a point: the sum of signed solid angles (van Oosterom and Strackee 1983) over 4 pi.

@@ -157,6 +157,15 @@ impl Surface {
         Ok(surface)
     }
 
+    /// The same of triangles; points that none of them uses are dropped.
+    ///
+    /// # Errors
+    /// As [`Surface::from_soup`].
+    pub fn from_triangles(points: Vec<Vec3>, triangles: &[[VertexId; 3]]) -> Result<Self, SurfaceError> {
+        let polygons = triangles.iter().map(|triangle| triangle.to_vec()).collect();
+        Self::from_soup(PolygonSoup { points, polygons })
+    }
+
     /// Vertex positions, each used by some triangle.
     pub fn points(&self) -> &[Vec3] {
         &self.points

@@ -2,6 +2,7 @@ use std::collections::BTreeMap;
 use std::fs;
 
 use super::*;
+use crate::config::InitialMap;
 use crate::experiment;
 use crate::optimize::Cancel;
 
@@ -38,7 +39,10 @@ fn a_case_that_panics_or_fails_is_recorded_stops_no_other_and_is_tried_again() {
     let sweep = sweep(SIX);
     let root = tempfile::tempdir().unwrap();
     let folder = SweepFolder::new(root.path());
-    let exponent = |plan: &Plan| plan.map.exponent.unwrap();
+    let exponent = |plan: &Plan| match plan.map {
+        InitialMap::Radial { exponent } => exponent.unwrap(),
+        _ => unreachable!("the sweep starts from radial maps"),
+    };
     let tally = work(&sweep, &folder, &|plan, observe| {
         if exponent(plan) == 2.0 {
             panic!("injected");

@@ -109,20 +109,22 @@ trait ClosedForm {
 }
 
 impl std::fmt::Display for AnalyticMap {
-    /// The kind and the parameters that are single numbers.
+    /// The kind and the parameters that were given, but for the angle of a cone.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::Affine(Affine { matrix, .. }) => write!(f, "affine, matrix {matrix:?}"),
+            Self::Affine(Affine { matrix, offset: [0.0, 0.0, 0.0] }) => write!(f, "affine, matrix {matrix:?}"),
+            Self::Affine(Affine { matrix, offset }) => write!(f, "affine, matrix {matrix:?}, offset {offset:?}"),
             Self::Folding(Folding { ratio }) => write!(f, "folding, ratio {ratio}"),
             Self::Cone(Cone { ratio, .. }) => write!(f, "cone, ratio {ratio}"),
             Self::Power(Power { exponent }) => write!(f, "power, exponent {exponent}"),
+            Self::Zorich1(Zorich1 { half_side }) => write!(f, "zorich1, half side {half_side}"),
+            Self::Zorich2(Zorich2 { half_side }) => write!(f, "zorich2, half side {half_side}"),
             Self::Zorich(Zorich { half_side }) => write!(f, "zorich, half side {half_side}"),
             Self::Caraman(map) => write!(f, "caraman, exponent {}", map.exponent()),
             Self::Composition(Composition { maps }) => {
                 let names: Vec<String> = maps.iter().map(Self::to_string).collect();
                 f.write_str(&names.join(", then "))
             }
-            _ => f.write_str(self.form().name()),
         }
     }
 }

@@ -1,0 +1,97 @@
+//! The map to start from, and which keys of `[map]` each kind takes.
+
+use std::path::Path;
+
+use super::error::{Fault, reworded};
+use super::limits::positive;
+use super::{Config, ExponentName, ExponentValue, MapKind, MapTable, MeshKind, plan};
+use crate::map::AnalyticMap;
+use crate::map::analytic::MapError;
+use crate::mesh::io::holds_a_surface;
+use crate::solid::CentreChoice;
+
+/// The map to start from.
+#[derive(Clone, Debug, PartialEq)]
+pub enum InitialMap {
+    /// Caraman's radial map onto the unit ball.
+    Radial {
+        /// Exponent a > 0, 1 maps rays linearly; `None` for the best one.
+        exponent: Option<f64>,
+    },
+    /// Its extension to solids that are not star-shaped, with the exponent a > 0.
+    Farthest {
+        /// Exponent a > 0.
+        exponent: f64,
+    },
+    /// A map in closed form, checked.
+    Formula(AnalyticMap),
+}
+
+/// What a checked `[map]` means.
+pub(super) fn plan(config: &Config) -> Result<InitialMap, Fault> {
+    let table = &config.map;
+    match table.kind {
+        MapKind::Radial => Ok(InitialMap::Radial { exponent: radial_exponent(table)? }),
+        MapKind::Farthest => farthest(config),
+        _ => formula(table).map(InitialMap::Formula),
+    }
+}
+
+/// The keys that were given, `kind` included.
+fn given(table: &MapTable) -> toml::Table {
+    toml::Table::try_from(table).expect("numbers, names and lists of them")
+}
+
+fn radial_exponent(table: &MapTable) -> Result<Option<f64>, Fault> {
+    if let Some(key) = given(table).keys().find(|key| !["kind", "exponent"].contains(&key.as_str())) {
+        let message = format!("`{key}` is no parameter of a radial map");
+        let help = "remove it, or choose the kind of the map that it belongs to; `qcball schema` describes every key";
+        return Err(Fault::at(&["map", key], message, help));
+    }
+    match table.exponent {
+        None => Ok(Some(1.0)),
+        Some(ExponentValue::Named(ExponentName::Optimize)) => Ok(None),
+        Some(ExponentValue::Given(exponent)) => positive(Some(exponent), 1.0, &["map", "exponent"]).map(Some),
+    }
+}
+
+fn only_radial() -> Fault {
+    let message = "the best exponent is known for the map \"radial\" only".to_string();
+    Fault::at(&["map", "exponent"], message, "give a number")
+}
+
+fn farthest(config: &Config) -> Result<InitialMap, Fault> {
+    let exponent = radial_exponent(&config.map)?;
+    let is_mesh = config.domain.file.as_ref().is_some_and(|file| !holds_a_surface(Path::new(file)));
+    if !is_mesh && config.mesh.kind == MeshKind::Shell {
+        let message =
+            "the map \"farthest\" cannot start from a shell mesh, which is for star-shaped solids".to_string();
+        let help = "give a mesh as domain.file, set mesh.kind to \"tetgen\" or \"gmsh\", or use kind = \"radial\"";
+        return Err(Fault::at(&["map", "kind"], message, help));
+    }
+    if !matches!(plan::centre(config)?, CentreChoice::Centroid | CentreChoice::BoundingBox | CentreChoice::At(_)) {
+        let message = "the map \"farthest\" is for solids without a star centre".to_string();
+        let help = "set domain.centre to \"centroid\", \"bbox\" or a point [x, y, z]";
+        return Err(Fault::at(&["map", "kind"], message, help));
+    }
+    exponent.map(|exponent| InitialMap::Farthest { exponent }).ok_or_else(only_radial)
+}
+
+/// Read as one of `[analytic]` is: its own type knows its parameters.
+fn formula(table: &MapTable) -> Result<AnalyticMap, Fault> {
+    if matches!(table.exponent, Some(ExponentValue::Named(_))) {
+        return Err(only_radial());
+    }
+    let map: AnalyticMap = given(table).try_into().map_err(|error: toml::de::Error| {
+        let message = error.message().trim_end();
+        // serde quotes the name first, whether it is missing or not known.
+        let key = message.split('`').nth(1).unwrap_or("kind");
+        let (what, help) = reworded(message, Some(&format!("map.{key}")));
+        Fault::at(&["map", key], what, help)
+    })?;
+    map.check().map_err(|error| {
+        let key = if let MapError::Parameter { parameter, .. } = error { parameter } else { "kind" };
+        Fault::at(&["map", key], format!("[map]: {error}"), "correct the parameter")
+    })?;
+    Ok(map)
+}
