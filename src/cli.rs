@@ -213,6 +213,10 @@ fn run(arguments: &RunArguments) -> Result<Ending, Failure> {
         overrides.push("domain.keep_mesh=true".into());
     }
     let mut plan = Plan::read(&arguments.config, &overrides)?;
+    if plan.source.text().parse::<toml::Table>().is_ok_and(|table| table.contains_key("sweep")) {
+        let config = arguments.config.display();
+        note(&format!("this is one run, without the table [sweep]; `qcball sweep {config}` runs its cases"));
+    }
     if let Some(threads) = arguments.threads {
         plan.threads = Some(usize::from(threads)).filter(|&threads| threads > 0);
     }
