@@ -48,7 +48,7 @@ pub fn summary(report: &Report) -> String {
 fn splits_in_words(splits: Splits) -> String {
     let text = format!(
         "{} interior edge{} and {} interior face{} between boundary vertices were split, so that no tet is locked; the mesh \
-         had {} tet{} (--keep-mesh leaves it as it is)",
+         had {} tet{} (--keep-mesh leaves a given one as it is)",
         splits.edges,
         s(splits.edges),
         splits.faces,
