@@ -25,7 +25,7 @@ use crate::mesh::io::{ReadError, WriteError, check_folder_is_writable};
 use crate::optimize::StopReason;
 use crate::report::{PageError, summary, time_line, write_pages, write_results};
 use crate::verify::VerifyError;
-use output::{fault, print, show_error};
+use output::{fault, note, print, show_error};
 use progress::Progress;
 
 /// Ball parameterizations of star-shaped solids with low quasi-conformal dilatation.
@@ -210,6 +210,10 @@ fn run(arguments: &RunArguments) -> Result<Ending, Failure> {
         overrides.push("domain.keep_mesh=true".into());
     }
     let mut plan = Plan::read(&arguments.config, &overrides)?;
+    if plan.source.text().parse::<toml::Table>().is_ok_and(|table| table.contains_key("sweep")) {
+        let config = arguments.config.display();
+        note(&format!("this is one run, without the table [sweep]; `qcball sweep {config}` runs its cases"));
+    }
     if let Some(threads) = arguments.threads {
         plan.threads = Some(usize::from(threads)).filter(|&threads| threads > 0);
     }

@@ -1,5 +1,6 @@
 //! The domain of a map: a mesh that is a topological ball, with its reference operators.
 
+pub use crate::mesh::edge_matrix;
 use crate::mesh::{Boundary, Mat3, TetId, TetMesh, TopologyError, Vec3, VertexId};
 
 /// A tetrahedral mesh of a topological ball with what every stage needs of it; images are positions on its connectivity.
@@ -79,9 +80,4 @@ impl Domain {
             .filter(|(_, tet)| tet.iter().all(|&v| self.boundary.contains(v)))
             .map(|(id, _)| id)
     }
-}
-
-/// The edges `[x1 - x0, x2 - x0, x3 - x0]` as columns.
-pub fn edge_matrix([x0, x1, x2, x3]: [Vec3; 4]) -> Mat3 {
-    Mat3::from_columns(&[x1 - x0, x2 - x0, x3 - x0])
 }

@@ -21,7 +21,7 @@
 //! ln K = 3 max_i |l_i|
 //! ```
 //!
-//! so that the problem solved here, *minimise the largest K over all tets*, reads: minimise tau subject to |3 l_i| <= tau
+//! so that the problem solved here, *minimize the largest K over all tets*, reads: minimize tau subject to |3 l_i| <= tau
 //! for the three l_i of every tet.
 //!
 //! ```
@@ -61,7 +61,7 @@
 //!             -> ShellMesh                layers of tets in the cones over the surface triangles; or a mesh is given
 //!             -> Domain                   a topological ball, with reference gradients, volumes and boundary
 //!             -> initial positions        Caraman's radial map, or a map in closed form; untangled if necessary
-//!             -> Outcome                  optimised positions, stop reason, a row for each iteration
+//!             -> Outcome                  optimized positions, stop reason, a row for each iteration
 //!             -> Measured, Bijectivity    from the final positions alone
 //!             -> LowerBounds              from the domain and the boundary positions alone
 //!             -> Report -> results/NAME/  report.json is the record; tables and meshes are views of it
@@ -91,7 +91,7 @@
 //! let fixed = domain.boundary().vertex_mask();
 //! let outcome = optimize(&domain, &radial, fixed, &OptimizeSettings::default(), &mut |_row| {})?;
 //!
-//! // What counts is measured from the final positions, not taken from the optimiser.
+//! // What counts is measured from the final positions, not taken from the optimizer.
 //! let reached = measure(&domain, &outcome.positions).summary;
 //! assert!(reached.max_k < initial.max_k && reached.mean_k < initial.mean_k);
 //! assert!(bijectivity(&domain, &outcome.positions).bijective);
@@ -144,8 +144,9 @@
 //!
 //! with p = 1, 4, 16, each from the minimum of the last, by projected Newton steps (or L-BFGS); then by a primal-dual
 //! interior-point method on the constraints |3 l_i| <= tau, until the conditions of stationarity hold to 1e-6 with
-//! multipliers for the active tets. Every accepted step keeps all image determinants positive. How it ended is a [`StopReason`](optimize::StopReason), never an error. The result is the
-//! iterate of least *measured* K. It is a local optimum: the problem is not convex.
+//! multipliers for the active tets. Every accepted step keeps all image determinants positive. How it ended is a
+//! [`StopReason`](optimize::StopReason), never an error. The result is the iterate of least *measured* K. It is a local
+//! optimum: the problem is not convex.
 //!
 //! # Measuring
 //!
@@ -240,9 +241,9 @@
 //! | [`config`] | the config as typed and the plan it means |
 //! | [`comparison`] | maps of known dilatation on several meshes: published, estimated and exact values |
 //! | [`report`] | the record of a run, its files, its summary and its page; the page of a sweep |
-//! | [`experiment`] | one run from plan to report; the optimisation of a given map |
+//! | [`experiment`] | one run from plan to report; the optimization of a given map |
 //! | [`mod@verify`] | a results folder checked against itself, from its files alone |
-//! | [`mod@bench`] | a folder of meshes optimised one by one, beside the figures of other programs |
+//! | [`mod@bench`] | a folder of meshes optimized one by one, beside the figures of other programs |
 //! | [`sweep`] | many runs from one config, resumed and shared out, and the index over them |
 //! | [`cli`] | the command line |
 //!

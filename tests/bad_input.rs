@@ -132,7 +132,7 @@ fn surfaces() -> Vec<Case> {
         block(&["polygon 1", "is not flat; triangulate it"], &|t| t.replace("v 1 1 1", "v 1 1 1.5")),
         block(&["share the edge", "keep two"], &|t| format!("{t}v 2 2 2\nf 1 2 9\n")),
         surface("b.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 3 2 1\n", &["encloses no volume"]),
-        surface("b.obj", &two, &["2 separate pieces", "12 triangles at [0.0000, 0.0000, 0.0000]", "keep one"]),
+        surface("b.obj", &two, &["2 separate pieces", "12 triangles at [0.0, 0.0, 0.0]", "keep one"]),
         // The walls of the slot, x = 1 and x = 2, exclude each other.
         surface("b.obj", &u_block(), &["not star-shaped", "[2.0000, ", "[1.0000, ", "star-shaped parts"]),
         surface_about(
@@ -149,7 +149,10 @@ fn surfaces() -> Vec<Case> {
         config("[domain]\nsolid = \"torus\"", &["torus with radii 2 and 1", "1 handle"]),
         config(
             &format!("{CUBE}centre = [2, 0, 0]\n"),
-            &["cube: the solid is not star-shaped about [2.0, 0.0, 0.0]", "nearest centre that works"],
+            &[
+                "cube: the solid is not star-shaped about [2.0, 0.0, 0.0]",
+                "nearest centre that works is about [0.99, 0.0, 0.0]",
+            ],
         ),
         config(
             &format!("{CUBE}[mesh]\nsubdivisions = 1000\nlayers = 10000\n"),
@@ -167,6 +170,17 @@ fn command_lines() -> Vec<Case> {
         case("run", &[], &["CONFIG"]),
         case("run a.toml --threads -1", &[("a.toml", CUBE)], &["--threads"]),
         case("run a.toml --threads 100000", &[("a.toml", CUBE)], &["--threads"]),
+        case(
+            "optimize a.mesh b.mesh c.mesh --soft-max -2",
+            &[],
+            &["'-2' for '--soft-max <P>': give a positive number"],
+        ),
+        case(
+            "bounds a.mesh b.mesh --certify --time-limit -1",
+            &[],
+            &["'-1' for '--time-limit <SECONDS>': give a positive"],
+        ),
+        case("map power exponent=2 a.mesh", &[], &["exponent=2 is a parameter", "the mesh IN and the file OUT"]),
         set("mesh.layers", &["--set mesh.layers: there is no `=`"]),
         set("mesh.layer=3", &["--set mesh.layer=3", "did you mean `layers`?"]),
         set("mesh.layers=0", &["--set mesh.layers=0", "between 1 and 10000"]),

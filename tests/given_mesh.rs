@@ -1,4 +1,4 @@
-//! Runs and optimisations that start from given tet meshes.
+//! Runs and optimizations that start from given tet meshes.
 
 use std::path::Path;
 

@@ -10,7 +10,7 @@ use crate::config::BenchPlan;
 /// The programs whose max K is a goal: when had we what they ended with?
 pub(super) const GOALS: [&str; 2] = ["qis_conf", "tinyad_k"];
 
-/// Optimises a mesh in a new process of this program: the figures, or what that process said was wrong.
+/// Optimizes a mesh in a new process of this program: the figures, or what that process said was wrong.
 ///
 /// # Errors
 /// [`BenchError::Start`].

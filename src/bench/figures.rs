@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-/// What one optimisation gave.
+/// What one optimization gave.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Figures {
     /// Number of tets.
@@ -31,7 +31,7 @@ pub struct Figures {
     pub reached: Vec<Reach>,
 }
 
-/// How soon an optimisation had what another program ended with.
+/// How soon an optimization had what another program ended with.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reach {
     /// The program.

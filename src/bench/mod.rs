@@ -1,4 +1,4 @@
-//! A folder of meshes, each optimised by a process of its own, and the table of the results.
+//! A folder of meshes, each optimized by a process of its own, and the table of the results.
 //!
 //! A process a mesh, because the system tells the peak memory of a whole process only; and a mesh after the other, so that
 //! their times can be compared.
@@ -85,7 +85,7 @@ pub enum BenchError {
     },
 }
 
-/// A mesh to be optimised.
+/// A mesh to be optimized.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Case {
     /// The name of the files without their endings.
@@ -144,7 +144,7 @@ pub fn cases(folder: &Path, only: &[String]) -> Result<Vec<Case>, BenchError> {
 pub struct Conditions {
     /// The command line.
     pub command: String,
-    /// Number of threads of each optimisation.
+    /// Number of threads of each optimization.
     pub threads: usize,
     /// Number of processor cores this process may use.
     pub cores: Option<usize>,
@@ -172,7 +172,7 @@ pub struct Row {
     pub figures: Result<Figures, String>,
 }
 
-/// Optimises the meshes one after the other; after each, the table at `out` is written anew and `observe` sees its row.
+/// Optimizes the meshes one after the other; after each, the table at `out` is written anew and `observe` sees its row.
 ///
 /// # Errors
 /// A table that cannot be written or a process that cannot be started. What is wrong with one mesh is data in its row.

@@ -33,7 +33,7 @@ pub fn apex(domain: &Domain, image: &[Vec3]) -> Vec<LowerBound> {
             let (value, vertex) = strongest_star(&stars, kind)?;
             Some(LowerBound::of_mesh(
                 "apex",
-                "bounds.md B4.3",
+                "docs of qcball::bound::apex",
                 kind,
                 value,
                 Place::vertex(domain.mesh(), vertex),

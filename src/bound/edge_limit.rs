@@ -19,7 +19,7 @@ pub fn edge_limit(domain: &Domain, edges: &BoundaryEdges) -> Option<LowerBound> 
     let (ratio, ends) = strongest(ratios)?;
     Some(LowerBound {
         name: "edge-limit",
-        source: "bounds.md B3.2",
+        source: "docs of qcball::bound::edge_limit",
         kind: Kind::K,
         value: three_halves_power(ratio),
         scope: Scope::ShapeFixedTrace,

@@ -25,7 +25,7 @@ pub fn edge_ratio(domain: &Domain, edges: &BoundaryEdges, image: BoundaryImage) 
         strongest(edges.edges().iter().filter_map(|edge| Some((angle_ratio(edge, image)?, edge.ends))))?;
     Some(LowerBound::of_mesh(
         "edge-ratio",
-        "paper eq. 42, bounds.md B3.2",
+        "paper eq. 42, docs of qcball::bound::edge_ratio",
         Kind::K,
         three_halves_power(ratio),
         Place::edge(domain.mesh(), ends),

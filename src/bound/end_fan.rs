@@ -57,7 +57,7 @@ pub fn end_fan(domain: &Domain, edges: &BoundaryEdges, image: BoundaryImage) -> 
     }
     Some(LowerBound::of_mesh(
         "end-fan",
-        "bounds.md B3.3",
+        "docs of qcball::bound::end_fan",
         Kind::K,
         rounded_down(best, 4.0 * f64::EPSILON)?,
         Place::edge(domain.mesh(), ends?),

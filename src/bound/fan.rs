@@ -35,7 +35,7 @@ pub fn fan(domain: &Domain, edges: &BoundaryEdges, image: BoundaryImage) -> Opti
     }
     Some(LowerBound::of_mesh(
         "fan",
-        "bounds.md B3.1",
+        "docs of qcball::bound::fan",
         Kind::K,
         three_halves_power(best),
         Place::edge(domain.mesh(), ends?),

@@ -16,7 +16,7 @@ pub fn locked(domain: &Domain, image: &[Vec3]) -> Option<LowerBound> {
     let values = domain.locked_tets().filter_map(|tet| {
         let jacobian = domain.jacobian(tet, image);
         let [s1, _, s3] = jacobian.iter().all(|x| x.is_finite()).then(|| crate::linalg::svd(&jacobian).values)?;
-        let edges = crate::domain::edge_matrix(domain.mesh().corners(tet));
+        let edges = crate::mesh::edge_matrix(domain.mesh().corners(tet));
         let condition = edges.norm() * domain.inverse_edges()[tet.index()].norm() * (s1 / s3);
         let relative_error = 64.0 * f64::EPSILON * condition;
         // Also false for a flipped tet, and for NaN.
@@ -27,7 +27,7 @@ pub fn locked(domain: &Domain, image: &[Vec3]) -> Option<LowerBound> {
     let corners = domain.mesh().tets()[tet.index()];
     Some(LowerBound::of_mesh(
         "locked",
-        "bounds.md B4.1",
+        "docs of qcball::bound::locked",
         Kind::K,
         value,
         Place::face(domain.mesh(), TetMesh::FACES[3].map(|i| corners[i])),

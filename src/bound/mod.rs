@@ -1,4 +1,7 @@
-//! Proved lower bounds for the largest dilatation, one theorem a file (bounds.md), each with its scope.
+//! Proved lower bounds for the largest dilatation, one theorem a file, each with its scope and its proof.
+//!
+//! "bounds.md" in these pages is the working note they were written from, which is not part of this repository; the numbers
+//! (B4.3) are its sections. Nothing here needs it.
 //!
 //! Every bound is computed from the domain, its boundary and the image positions of the *boundary* vertices alone; the
 //! interior of a map can change none of them. All use the chain of bounds.md §0: with H = s1 / s3,
@@ -93,7 +96,8 @@ pub enum Scope {
 pub struct LowerBound {
     /// Short fixed name, e.g. `"vertex"`.
     pub name: &'static str,
-    /// Where it comes from, e.g. `"bounds.md B4.4"` or `"paper eq. 44"`.
+    /// Where it is stated: the docs of its function here, with the proof, or an equation of the paper; e.g.
+    /// `"docs of qcball::bound::vertex"`, `"paper eq. 44"`.
     pub source: &'static str,
     /// Which dilatation it bounds.
     pub kind: Kind,

@@ -4,9 +4,9 @@ use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus, SupportedConeT};
 
 use super::Kind;
-use crate::domain::{Domain, edge_matrix};
+use crate::domain::Domain;
 use crate::linalg::svd;
-use crate::mesh::{Mat3, TetId, Vec3, VertexId};
+use crate::mesh::{Mat3, TetId, Vec3, VertexId, edge_matrix};
 
 /// Relative distance of the two ends at which the search is done.
 const ACCURACY: f64 = 1e-7;

@@ -28,7 +28,7 @@ pub fn trace(domain: &Domain, image: &[Vec3]) -> Option<LowerBound> {
     let (ratio, triangle) = strongest(ratios)?;
     Some(LowerBound::of_mesh(
         "trace",
-        "bounds.md B1",
+        "docs of qcball::bound::trace",
         Kind::K,
         three_halves_power(ratio),
         Place::face(mesh, triangle),

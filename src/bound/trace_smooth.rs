@@ -46,7 +46,7 @@ pub fn trace_smooth(domain: &Domain, centre: Vec3) -> Vec<LowerBound> {
     };
     let bound = |name, value, certified, reason: &str| LowerBound {
         name,
-        source: "bounds.md B1",
+        source: "docs of qcball::bound::trace_smooth",
         kind: Kind::K,
         value,
         scope: Scope::ShapeFixedTrace,

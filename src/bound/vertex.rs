@@ -40,7 +40,7 @@ pub fn vertex(domain: &Domain, edges: &BoundaryEdges, image: BoundaryImage) -> V
         let (value, (kind, vertex)) = strongest(candidates)?;
         Some(LowerBound::of_mesh(
             "vertex",
-            "bounds.md B4.4",
+            "docs of qcball::bound::vertex",
             kind,
             value,
             Place::vertex(domain.mesh(), vertex),

@@ -32,7 +32,7 @@ pub fn vertex_smooth(domain: &Domain) -> Vec<LowerBound> {
         let (value, vertex) = strongest(candidates.filter(|&(value, _)| value > 1.0 && value.is_finite()))?;
         Some(LowerBound {
             name: "vertex-smooth",
-            source: "bounds.md B4.4",
+            source: "docs of qcball::bound::vertex_smooth",
             kind,
             value,
             scope: Scope::ShapeFixedTrace,

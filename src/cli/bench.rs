@@ -9,7 +9,7 @@ use super::{Ending, Failure};
 use crate::bench::{self, Conditions, Peers};
 use crate::config::BenchPlan;
 
-/// The meshes and how they are optimised.
+/// The meshes and how they are optimized.
 #[derive(Debug, Args)]
 pub(crate) struct BenchArguments {
     /// A config with the table `optimize`, and `threads` if wished, but without a domain.
@@ -23,7 +23,7 @@ pub(crate) struct BenchArguments {
     #[arg(long, value_name = "FILE", default_value = "results/bench.md")]
     out: PathBuf,
     /// Number of threads of each optimization, instead of the config's; 0 for all cores.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(0..=1024))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(0..=1024))]
     threads: Option<u16>,
     /// Take only meshes with this in their names; may be given several times.
     #[arg(long, value_name = "PATTERN", allow_hyphen_values = true)]

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
+use super::optimize::refuse_to_write_over;
 use super::output::{note, print};
 use super::{Ending, Failure};
 use crate::dilatation::Dilatation;
@@ -15,12 +16,13 @@ use crate::solid::{Surface, SurfaceError};
 
 /// The map and the two files.
 #[derive(Debug, Args)]
+#[command(override_usage = "qcball map <NAME> [KEY=VALUE]... <IN> <OUT>")]
 pub(crate) struct MapArguments {
     /// affine (matrix, offset), folding (ratio), cone (ratio, angle), power (exponent), zorich1, zorich2, zorich (half_side),
     /// caraman (exponent, centre), composition (maps).
     name: String,
     /// The parameters as key=value, then the mesh IN and the file OUT for its image, whose format follows its ending.
-    #[arg(value_name = "KEY=VALUE ... IN OUT", num_args = 2.., required = true, allow_hyphen_values = true)]
+    #[arg(value_name = "WORDS", num_args = 2.., required = true, allow_hyphen_values = true)]
     words: Vec<String>,
 }
 
@@ -43,22 +45,21 @@ pub(crate) enum MapFailure {
 
 /// `qcball map`.
 pub(super) fn map(arguments: &MapArguments) -> Result<Ending, Failure> {
-    let [parameters @ .., input, output] = arguments.words.as_slice() else {
-        return Err(MapFailure::from(MapError::Words("name the mesh and the file for its image".into())).into());
-    };
-    let (input, output) = (Path::new(input), Path::new(output));
-    check_tets_can_be_written(output)?;
-    // What does not exist yet is no input.
-    if matches!((input.canonicalize(), output.canonicalize()), (Ok(a), Ok(b)) if a == b) {
-        return Err(Failure::OverInput { path: input.into() });
+    let (parameters, [input, output]) = arguments.words.split_last_chunk().expect("clap takes two words at least");
+    let (input, output) = (&PathBuf::from(input), &PathBuf::from(output));
+    if input.to_string_lossy().contains('=') && !input.exists() {
+        let message = format!("{} is a parameter: name the mesh IN and the file OUT after them", input.display());
+        return Err(MapFailure::from(MapError::Words(message)).into());
     }
+    check_tets_can_be_written(output)?;
+    refuse_to_write_over([input], [output])?;
     let soup = read_tets(input)?;
     let map = match arguments.name.as_str() {
         "caraman" => caraman(parameters, input, &soup)?,
         name => AnalyticMap::from_words(name, parameters).map_err(MapFailure::from)?,
     };
     let image =
-        map.apply(&soup.points).map_err(|(vertex, error)| MapFailure::Vertex { path: input.into(), vertex, error })?;
+        map.apply(&soup.points).map_err(|(vertex, error)| MapFailure::Vertex { path: input.clone(), vertex, error })?;
     write_tets(output, &image, &soup.tets, &CellData::new())?;
     tell_of_orientation(&soup, &image);
     let most = match map.max_dilatation() {

@@ -14,7 +14,7 @@ use crate::bound::{self, LowerBound};
 use crate::estimate::{self, Estimate, EstimateSummary, Estimator, Weights};
 use crate::experiment::GivenMap;
 use crate::measure::{Summary, measure};
-use crate::report::{BestBound, Limit, bounds_table, dilatations, to_json, write_certificate};
+use crate::report::{BestBound, Limit, bounds_table, dilatations, number, to_json, write_certificate};
 
 /// The map, and whether to estimate as well.
 #[derive(Debug, Args)]
@@ -50,7 +50,7 @@ pub(crate) struct BoundArguments {
     #[arg(long)]
     certify: bool,
     /// Most seconds of that search.
-    #[arg(long, value_name = "SECONDS", default_value_t = DEFAULT_TIME_LIMIT.as_secs_f64(), value_parser = positive, requires = "certify")]
+    #[arg(long, value_name = "SECONDS", default_value_t = DEFAULT_TIME_LIMIT.as_secs_f64(), allow_negative_numbers = true, value_parser = positive, requires = "certify")]
     time_limit: f64,
     /// Write the certificate as JSON; anybody can check it against the two meshes.
     #[arg(long, value_name = "FILE", requires = "certify")]
@@ -99,7 +99,11 @@ impl Estimated {
 
     fn lines(&self) -> String {
         let line = |place: &str, summary: EstimateSummary| {
-            format!("estimate {place:<9} max K {:<12.6} mean K {:.6}\n", summary.max_k, summary.mean_k)
+            format!(
+                "estimate at {place:<9} max K {:>10}   mean K {:>10}\n",
+                number(summary.max_k),
+                number(summary.mean_k)
+            )
         };
         line("vertices", self.vertices) + &line("tets", self.cells)
     }

@@ -38,7 +38,7 @@ pub(crate) struct OptimizeArguments {
     #[arg(long)]
     keep_mesh: bool,
     /// Minimize the soft maximum with this exponent instead of the largest K.
-    #[arg(long, value_name = "P", value_parser = positive)]
+    #[arg(long, value_name = "P", allow_negative_numbers = true, value_parser = positive)]
     soft_max: Option<f64>,
     /// The method that moves the vertices.
     #[arg(long, value_name = "NAME", value_enum, default_value_t)]
@@ -47,16 +47,16 @@ pub(crate) struct OptimizeArguments {
     #[arg(long)]
     no_polish: bool,
     /// Accuracy in ln K at which the last phase ends.
-    #[arg(long, default_value_t = OptimizeSettings::default().tolerance, value_parser = positive)]
+    #[arg(long, default_value_t = OptimizeSettings::default().tolerance, allow_negative_numbers = true, value_parser = positive)]
     tolerance: f64,
     /// Most iterations over all phases.
-    #[arg(long, value_name = "N", default_value_t = OptimizeSettings::default().max_iterations)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = OptimizeSettings::default().max_iterations)]
     max_iterations: usize,
     /// Most seconds of optimizing.
-    #[arg(long, value_name = "SECONDS", value_parser = positive)]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = positive)]
     time_limit: Option<f64>,
     /// Number of threads; 0 for all cores.
-    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u16).range(0..=1024))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 0, value_parser = clap::value_parser!(u16).range(0..=1024))]
     threads: u16,
     /// Write the trace as CSV, a row an iteration.
     #[arg(long, value_name = "FILE")]

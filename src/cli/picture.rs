@@ -14,10 +14,11 @@ use crate::picture::{BoundaryFigures, Colour, Cut, Picture, PictureError, Pictur
 
 /// The meshes, what is shown, and the file.
 #[derive(Debug, Args)]
+#[command(override_usage = "qcball picture [OPTIONS] <REST> [IMAGE] <OUT>")]
 pub(crate) struct PictureArguments {
-    /// The mesh of the domain, the mesh of its image (the same tets in the same order; may be left out), and the file to be
-    /// written: .png for a picture, .vtu for the boundary with its figures.
-    #[arg(value_name = "REST [IMAGE] OUT", num_args = 2..=3, required = true)]
+    /// REST, the mesh of the domain; IMAGE, the mesh of its image (the same tets in the same order; may be left out); and OUT,
+    /// the file to be written: .png for a picture, .vtu for the boundary with its figures.
+    #[arg(value_name = "FILES", num_args = 2..=3, required = true)]
     files: Vec<PathBuf>,
     /// What the colours mean. Default: k if there is an image, else domain.
     #[arg(long, value_name = "NAME", value_enum)]
@@ -39,6 +40,11 @@ pub(crate) enum PictureFailure {
     Picture { path: PathBuf, error: PictureError },
     #[error("{}: it shows the whole boundary; leave out --{option}, or write a .png", path.display())]
     Option { path: PathBuf, option: &'static str },
+    #[error(
+        "{}: it holds a mesh of tets, which the boundary's figures would be written over; name another file to be written, after \
+         REST and IMAGE", path.display()
+    )]
+    OverMesh { path: PathBuf },
 }
 
 /// `qcball picture`.
@@ -56,6 +62,10 @@ pub(super) fn picture(arguments: &PictureArguments) -> Result<Ending, Failure> {
         if as_data && given {
             return Err(PictureFailure::Option { path: out.clone(), option }.into());
         }
+    }
+    // `picture REST IMAGE` lacks its OUT: the image may have no other copy. What a picture wrote before has no tets.
+    if as_data && out.exists() && read_tets(out).is_ok_and(|soup| !soup.tets.is_empty()) {
+        return Err(PictureFailure::OverMesh { path: out.clone() }.into());
     }
     let (mesh, image) = match image {
         Some(image) => {

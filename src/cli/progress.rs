@@ -1,4 +1,4 @@
-//! The progress of an optimisation on standard error.
+//! The progress of an optimization on standard error.
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 

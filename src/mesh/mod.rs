@@ -21,7 +21,7 @@ pub use features::{Features, SHARP};
 pub use full_boundary::{FullBoundary, full_boundary};
 pub use place::Place;
 pub use quality::smallest_dihedral_angle;
-pub use tet_mesh::{MeshError, Orientation, TetMesh, orientation};
+pub use tet_mesh::{MeshError, Orientation, TetMesh, edge_matrix, orientation};
 pub(crate) use view::View;
 pub use voxel_mesh::{VoxelMesh, VoxelMeshError};
 

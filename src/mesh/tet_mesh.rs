@@ -1,6 +1,6 @@
 //! Points and tets, all of positive volume.
 
-use super::{TetId, Vec3, VertexId};
+use super::{Mat3, TetId, Vec3, VertexId};
 
 /// Why points and tets are not a mesh.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -25,7 +25,7 @@ pub enum MeshError {
         count: usize,
     },
     /// A tet names one vertex twice.
-    #[error("tet {tet} names vertex {vertex} twice")]
+    #[error("tet {tet} names vertex {vertex} twice; remove it, or export the mesh again")]
     RepeatedVertex {
         /// The tet, counted from 0.
         tet: u32,
@@ -173,6 +173,11 @@ fn check_indices(points: &[Vec3], tets: &[[VertexId; 4]]) -> Result<(), MeshErro
         }
     }
     Ok(())
+}
+
+/// The edges `[x1 - x0, x2 - x0, x3 - x0]` of a tet as columns; its determinant is six times the tet's signed volume.
+pub fn edge_matrix([x0, x1, x2, x3]: [Vec3; 4]) -> Mat3 {
+    Mat3::from_columns(&[x1 - x0, x2 - x0, x3 - x0])
 }
 
 #[cfg(test)]

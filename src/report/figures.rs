@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::bound::LowerBound;
+use crate::bound::{LowerBound, best_applicable};
 use crate::domain::Domain;
 use crate::mesh::{TetId, VertexId, smallest_dihedral_angle};
 use crate::optimize::Untangled;
@@ -130,8 +130,7 @@ pub struct BestBound {
 impl BestBound {
     /// The best of `bounds` for a map whose largest K is `max_k`.
     pub fn of(bounds: &[LowerBound], max_k: f64) -> Self {
-        let best_bound = bounds.iter().filter(|bound| bound.applies && bound.certified).map(|bound| bound.value);
-        let best_bound = best_bound.reduce(f64::max);
+        let best_bound = best_applicable(bounds).map(|bound| bound.value);
         Self { best_bound, gap: best_bound.map(|bound| max_k / bound).filter(|gap| gap.is_finite()) }
     }
 }

@@ -116,6 +116,7 @@ fn unsettled((stop, kkt): (StopReason, Option<KktResidual>)) -> Option<String> {
     match stop {
         StopReason::IterationLimit => Some("it reached its iteration limit".into()),
         StopReason::TimeLimit => Some("it reached its time limit".into()),
+        StopReason::Cancelled => Some("it was interrupted".into()),
         StopReason::StillFlipped => Some("it could not begin".into()),
         _ => residual.filter(|&r| r > UNSETTLED).map(|r| format!("its KKT residual is {r:.0e}")),
     }
@@ -158,6 +159,7 @@ mod tests {
         let settled = Some((StopReason::Optimal, kkt(1e-7)));
         let crawling = Some((StopReason::Converged, kkt(0.1)));
         let limited = Some((StopReason::IterationLimit, None));
+        let interrupted = Some((StopReason::Cancelled, None));
         let cases = [
             (
                 4.0,
@@ -173,6 +175,7 @@ mod tests {
             (4.2, vec![mesh(4.0), smooth(3.0)], settled, Mesh, "finer meshes are bound by 3.0000 only"),
             (8.0, vec![mesh(4.0), smooth(3.0)], crawling, Optimizer, "its KKT residual is 1e-1"),
             (8.0, vec![mesh(4.0)], limited, Optimizer, "it reached its iteration limit"),
+            (8.0, vec![mesh(4.0)], interrupted, Optimizer, "it was interrupted"),
             (8.0, vec![mesh(4.0)], settled, Unknown, "not proved"),
             (8.0, vec![mesh(4.0)], None, Unknown, "50.0 %"),
             (8.0, vec![smooth(4.0)], settled, Unknown, "no bound applies"),

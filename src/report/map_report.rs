@@ -1,4 +1,4 @@
-//! The record of an optimisation of a given map.
+//! The record of an optimization of a given map.
 
 use serde::Serialize;
 
@@ -36,7 +36,7 @@ pub struct MapReport {
     pub best: BestBound,
     /// What limits K, as far as bounds and optimizer tell.
     pub limit: Limit,
-    /// Why the optimisation ended.
+    /// Why the optimization ended.
     pub stop: StopReason,
     /// How far the minimax solution, before any polish, is from stationary; none where the minimax phase was not reached.
     pub kkt: Option<KktResidual>,

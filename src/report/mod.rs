@@ -14,7 +14,7 @@ pub use limit::{Limit, LimitedBy};
 pub use map_report::MapReport;
 pub(crate) use results::CellRow;
 pub use results::{MapRecord, write_certificate, write_results, write_trace};
-pub(crate) use summary::{bounds_table, dilatations};
+pub(crate) use summary::{bounds_table, dilatations, number};
 pub use summary::{map_summary, summary, time_line};
 
 use std::time::Instant;
@@ -74,7 +74,7 @@ pub struct Report {
     pub best: BestBound,
     /// What limits K, as far as bounds and optimizer tell.
     pub limit: Limit,
-    /// Why the optimisation ended.
+    /// Why the optimization ended.
     pub stop: StopReason,
     /// How far the minimax solution, before any polish, is from stationary; none where the minimax phase was not reached.
     pub kkt: Option<KktResidual>,

@@ -15,10 +15,11 @@ const REFINE: &str = "refine the mesh there";
 /// run to the next.
 pub fn summary(report: &Report) -> String {
     let domain = &report.domain;
+    let decimals = decimals(domain.volume);
     let centre = domain.centre.map(|position| {
-        let radius = domain.kernel_radius.map(|r| format!(", kernel radius {r:.4}")).unwrap_or_default();
+        let radius = domain.kernel_radius.map(|r| format!(", kernel radius {r:.decimals$}")).unwrap_or_default();
         let angle = domain.smallest_angle.map(|a| format!(", rays meet faces at {a:.2} degrees or more"));
-        format!("{}{radius}{}", point(position), angle.unwrap_or_default())
+        format!("{}{radius}{}", point(position, decimals), angle.unwrap_or_default())
     });
     let mesh = format!(
         "{} vertices ({} on the boundary), {} tets ({} locked), smallest dihedral angle {:.2} degrees",
@@ -35,7 +36,11 @@ pub fn summary(report: &Report) -> String {
         map_in_words(&report.map).map(|map| labelled("map", &map)).unwrap_or_default(),
         format!("\n{}\n", dilatations(&[("start", &report.initial), ("final", &report.last)])),
         report.untangling.as_ref().map(|u| labelled("untangled", &untangling_in_words(u, remedy))).unwrap_or_default(),
-        report.bottleneck.as_ref().map(|b| labelled("bottleneck", &bottleneck_in_words(b))).unwrap_or_default(),
+        report
+            .bottleneck
+            .as_ref()
+            .map(|b| labelled("bottleneck", &bottleneck_in_words(b, decimals)))
+            .unwrap_or_default(),
         labelled("bijective", &bijective),
         labelled("stopped", &stop_in_words(report.stop, report.iterations)),
         format!("\n{}", bounds_table(&report.bounds, report.best, &report.limit)),
@@ -58,15 +63,25 @@ fn map_in_words(map: &MapFigures) -> Option<String> {
 
 fn splits_in_words(splits: Splits) -> String {
     let text = format!(
-        "{} interior edges and {} interior faces between boundary vertices were split, so that no tet is locked; the mesh \
-         had {} tets (--keep-mesh leaves it as it is)",
-        splits.edges, splits.faces, splits.tets_before
+        "{} interior edge{} and {} interior face{} between boundary vertices were split, so that no tet is locked; the mesh \
+         had {} tet{} (--keep-mesh leaves a given one as it is)",
+        splits.edges,
+        s(splits.edges),
+        splits.faces,
+        s(splits.faces),
+        splits.tets_before,
+        s(splits.tets_before)
     );
     labelled("", &text)
 }
 
 fn untangling_in_words(untangling: &UntanglingFigures, remedy: &str) -> String {
-    let steps = format!("{} flipped at the start, {} steps", untangling.flipped_before, untangling.iterations);
+    let steps = format!(
+        "{} flipped at the start, {} step{}",
+        untangling.flipped_before,
+        untangling.iterations,
+        s(untangling.iterations)
+    );
     if untangling.resisting.is_empty() {
         return steps;
     }
@@ -74,15 +89,20 @@ fn untangling_in_words(untangling: &UntanglingFigures, remedy: &str) -> String {
         let more = if ids.len() > 8 { ", ..." } else { "" };
         ids.iter().take(8).map(u32::to_string).collect::<Vec<_>>().join(", ") + more
     };
+    let common = if untangling.common_vertices.is_empty() {
+        String::new()
+    } else {
+        format!(" (common vertices: {})", list(untangling.common_vertices.iter().map(|v| v.0).collect()))
+    };
     format!(
-        "{steps}; {} tets resist: {} (common vertices: {}); {remedy}",
+        "{steps}; {} tet{} left flipped: {}{common}; {remedy}",
         untangling.resisting.len(),
-        list(untangling.resisting.iter().map(|t| t.0).collect()),
-        list(untangling.common_vertices.iter().map(|v| v.0).collect())
+        s(untangling.resisting.len()),
+        list(untangling.resisting.iter().map(|t| t.0).collect())
     )
 }
 
-/// The same for an optimised map of two given meshes.
+/// The same for an optimized map of two given meshes.
 pub fn map_summary(report: &MapReport) -> String {
     let mesh = format!(
         "{} vertices ({} fixed), {} tets ({} locked)",
@@ -98,7 +118,7 @@ pub fn map_summary(report: &MapReport) -> String {
         report.splits.map(splits_in_words).unwrap_or_default(),
         format!("\n{}\n", dilatations(&[("start", &report.initial), ("final", &report.last)])),
         report.untangling.as_ref().map(|u| labelled("untangled", &untangling_in_words(u, REFINE))).unwrap_or_default(),
-        labelled("active", &format!("{} tets within 0.1 % of the largest K", report.active)),
+        labelled("active", &format!("{} tet{} within 0.1 % of the max K", report.active, s(report.active))),
         labelled("stopped", &stop_in_words(report.stop, report.iterations)),
         time_line(report.times),
         format!("\n{bounds}"),
@@ -210,14 +230,15 @@ fn s(count: usize) -> &'static str {
     if count == 1 { "" } else { "s" }
 }
 
-fn bottleneck_in_words(bottleneck: &Bottleneck) -> String {
+fn bottleneck_in_words(bottleneck: &Bottleneck, decimals: usize) -> String {
+    let point = |coordinates: &[f64; 3]| point(*coordinates, decimals);
     let (place, kind) = match &bottleneck.place {
-        Place::Vertex { vertex, position } => (format!("vertex {vertex} at {}", point(*position)), "corners"),
+        Place::Vertex { vertex, position } => (format!("vertex {vertex} at {}", point(position)), "corners"),
         Place::Edge { vertices: [a, b], midpoint } => {
-            (format!("the edge {a}-{b} around {}", point(*midpoint)), "pieces of sharp edges")
+            (format!("the edge {a}-{b} around {}", point(midpoint)), "pieces of sharp edges")
         }
         Place::Face { vertices: [a, b, c], centroid } => {
-            (format!("the triangle {a}-{b}-{c} around {}", point(*centroid)), "boundary triangles")
+            (format!("the triangle {a}-{b}-{c} around {}", point(centroid)), "boundary triangles")
         }
     };
     let cells = format!("{} tet{} within 0.1 % of the max K", bottleneck.active, s(bottleneck.active));
@@ -228,9 +249,19 @@ fn bottleneck_in_words(bottleneck: &Bottleneck) -> String {
     }
 }
 
+/// Decimals of a length in a solid of this volume (in its units cubed): four, and in small units as many as four figures of
+/// the solid's size take.
+fn decimals(volume: f64) -> usize {
+    4 + (-volume.cbrt().log10().ceil()).clamp(0.0, 300.0) as usize
+}
+
 /// A point in the domain; no `-0.0000`, which another order of sums would turn into `0.0000`.
-fn point(coordinates: [f64; 3]) -> String {
-    let [x, y, z] = coordinates.map(|x| format!("{x:.4}")).map(|x| if x == "-0.0000" { "0.0000".into() } else { x });
+fn point(coordinates: [f64; 3], decimals: usize) -> String {
+    let without_sign_of_zero = |text: String| match text.strip_prefix('-') {
+        Some(digits) if digits.bytes().all(|byte| matches!(byte, b'0' | b'.')) => digits.to_owned(),
+        _ => text,
+    };
+    let [x, y, z] = coordinates.map(|x| without_sign_of_zero(format!("{x:.decimals$}")));
     format!("({x}, {y}, {z})")
 }
 

@@ -217,3 +217,17 @@ fn the_summary_is_narrow_and_says_it_all_but_the_time() {
     let widest = text.lines().map(|line| line.chars().count()).max().unwrap();
     assert!(widest <= 80, "{widest} columns:\n{text}");
 }
+
+#[test]
+fn lengths_of_a_solid_in_small_units_keep_four_figures() {
+    let (_folder, mut report) = write(false);
+    let said = summary(&report);
+    assert!(said.contains("(0.2000, 0.2000, 0.2000), kernel radius 0.1000,"), "{said}");
+    // The same solid in units a thousand times as large.
+    let scale = 1e-3;
+    report.domain.volume *= scale * scale * scale;
+    report.domain.centre = Some([0.2 * scale, -1e-20, 0.2 * scale]);
+    report.domain.kernel_radius = Some(0.1 * scale);
+    let said = summary(&report);
+    assert!(said.contains("(0.0002000, 0.0000000, 0.0002000), kernel radius 0.0001000,"), "{said}");
+}

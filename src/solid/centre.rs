@@ -94,15 +94,22 @@ pub fn star_centre(surface: &Surface, choice: &CentreChoice) -> Result<StarCentr
     }
     let hidden = hidden_triangles(surface, &position);
     if !hidden.is_empty() {
+        let margin = NEAREST_MARGIN * kernel.radius;
         return Err(CentreError::Outside {
             position: position.into(),
             count: hidden.len(),
             faces: hidden.iter().take(NAMED_FACES).map(|triangle| triangle.0).collect(),
-            nearest: kernel.nearest(surface, &position, NEAREST_MARGIN * kernel.radius)?.into(),
+            nearest: kernel.nearest(surface, &position, margin)?.map(|x| in_few_digits(x, margin)).into(),
         });
     }
     let smallest_angle = smallest_angle(surface, &position);
     Ok(StarCentre { position, kernel_radius: kernel.radius, smallest_angle })
+}
+
+/// A coordinate rounded to be read and typed in, by less than a tenth of `margin`.
+fn in_few_digits(x: f64, margin: f64) -> f64 {
+    let (tenths, rounded) = ((0.1 * margin).log10().floor() as i32, |digits: f64| (x * digits).round() / digits + 0.0);
+    Some(rounded(10f64.powi(-tenths))).filter(|x| x.is_finite()).unwrap_or(x)
 }
 
 #[cfg(feature = "nlopt")]

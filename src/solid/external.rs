@@ -18,8 +18,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use super::{MOST_TETS, Surface};
-use crate::domain::edge_matrix;
-use crate::mesh::{TetId, TetMesh};
+use crate::mesh::{TetId, TetMesh, edge_matrix};
 use process::Program;
 use sizing::SizeGrid;
 
@@ -160,7 +159,7 @@ impl Job<'_> {
     }
 }
 
-/// Asks for less than the limit until the limit holds: TetGen's last optimisation enlarges tets by up to a half, and
+/// Asks for less than the limit until the limit holds: TetGen's last optimization enlarges tets by up to a half, and
 /// Gmsh knows edge lengths only.
 fn within(limit: f64, job: &Job) -> Result<TetMesh, ExternalError> {
     /// Four were the most that a boundary that may be refined has needed.

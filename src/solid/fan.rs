@@ -17,7 +17,7 @@ pub enum FanError {
     #[error("has fewer than three vertices; remove it")]
     TooFewVertices,
     /// One vertex twice.
-    #[error("names vertex {vertex} twice; name it once, or remove the polygon")]
+    #[error("names vertex {vertex} twice, vertices at one place counting as one; name it once, or remove the polygon")]
     RepeatedVertex {
         /// The vertex.
         vertex: u32,

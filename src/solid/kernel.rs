@@ -39,7 +39,7 @@ pub enum KernelError {
     #[error(
         "the solid is not star-shaped: no point inside it sees all of these triangles from within: {faces:?} (counted \
          from 0, with polygons cut into triangles), around {at:.4?}; cut the solid into star-shaped parts, or fill the \
-         dents that hide them from one another"
+         dents that hide them from one another; map.kind = \"farthest\" takes such a solid, but its image may overlap itself"
     )]
     NotStarShaped {
         /// Triangles whose half-spaces have no point in common, up to eight, the most decisive first.

@@ -31,7 +31,7 @@ pub struct ShellSettings {
     pub grading: f64,
 }
 
-/// Largest number of tets a shell mesh may have: above it 32-bit tables of the optimiser overflow.
+/// Largest number of tets a shell mesh may have: above it 32-bit tables of the optimizer overflow.
 pub const MOST_TETS: usize = 100_000_000;
 
 /// Why no shell mesh was made.
@@ -304,7 +304,7 @@ mod tests {
         boundary.check_ball(&shell.mesh).unwrap();
         assert!(shell.mesh.tets().iter().all(|tet| tet.iter().any(|&v| !boundary.contains(v))));
         let volume: f64 = (0..shell.mesh.tets().len() as u32)
-            .map(|t| crate::domain::edge_matrix(shell.mesh.corners(crate::TetId(t))).determinant() / 6.0)
+            .map(|t| crate::mesh::edge_matrix(shell.mesh.corners(crate::TetId(t))).determinant() / 6.0)
             .sum();
         // 16,896 terms that sum to 8, each rounded at 1e-16 of itself.
         assert!((volume - 8.0).abs() < 1e-12);

@@ -84,7 +84,7 @@ pub enum SurfaceError {
     },
     /// The surface falls apart.
     #[error(
-        "the surface has {count} separate pieces, one of them with {triangles} triangles at {at:.4?}; keep one piece (an \
+        "the surface has {count} separate pieces, one of them with {triangles} triangles at {at:?}; keep one piece (an \
          inner piece would be a cavity)"
     )]
     Disconnected {

@@ -5,3 +5,4 @@ mod faults;
 mod fixtures;
 mod python;
 mod round_trips;
+mod vtu;

@@ -58,7 +58,8 @@ for path in sorted(folder.iterdir()):
 assert read == 10, read
 "#;
 
-fn python() -> Option<String> {
+/// A Python that imports meshio and PyVista.
+pub(super) fn python() -> Option<String> {
     let python = std::env::var("QCBALL_PYTHON").unwrap_or_else(|_| "python3".into());
     let lack = match Command::new(&python).args(["-c", "import meshio, pyvista"]).output() {
         Ok(output) if output.status.success() => return Some(python),
@@ -71,9 +72,10 @@ fn python() -> Option<String> {
     None
 }
 
-fn succeed(command: &mut Command) {
+/// Runs a program that has to end well.
+pub(super) fn succeed(command: &mut Command) {
     let output = command.output().unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "{command:?}: {}", String::from_utf8_lossy(&output.stderr));
 }
 
 #[test]

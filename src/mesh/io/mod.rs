@@ -83,7 +83,7 @@ pub enum ReadError {
         message: String,
     },
     /// The file ends before everything it promises.
-    #[error("{}: the file ends too early: {message}", place(path, *line))]
+    #[error("{}: the file ends too early: {message}; export it again", place(path, *line))]
     Truncated {
         /// The file.
         path: PathBuf,

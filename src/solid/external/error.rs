@@ -51,7 +51,7 @@ pub enum ExternalError {
         words: String,
     },
     /// The program failed by its own account, or died.
-    #[error("{mesher} failed ({status}){}", said(words))]
+    #[error("{mesher} failed ({status}){}", said_at_the_end(*mesher, words))]
     Failed {
         /// The mesher.
         mesher: ExternalMesher,
@@ -61,7 +61,7 @@ pub enum ExternalError {
         words: String,
     },
     /// The program claims success and left no tets.
-    #[error("{mesher} ended without an error and without a mesh{}", said(words))]
+    #[error("{mesher} ended without an error and without a mesh{}", said_at_the_end(*mesher, words))]
     NoMesh {
         /// The mesher.
         mesher: ExternalMesher,
@@ -119,4 +119,16 @@ pub enum ExternalError {
 /// The program's words as the end of a message.
 fn said(words: &str) -> String {
     if words.is_empty() { "; it said nothing".into() } else { format!("; it said:\n{words}") }
+}
+
+/// The same of a program that ended by itself: one without a word may be another program.
+fn said_at_the_end(mesher: ExternalMesher, words: &str) -> String {
+    if words.is_empty() {
+        format!(
+            "; it said nothing: see that the program that mesh.program, {} or PATH names is {mesher}",
+            mesher.variable()
+        )
+    } else {
+        said(words)
+    }
 }

@@ -1,10 +1,8 @@
-//! What qcball writes as VTU is what PyVista and meshio read.
-//!
-//! Needs a Python with both, `python3` or the one named by QCBALL_PYTHON. Where there is none it says so and passes, unless
-//! QCBALL_PYTHON_REQUIRED is set, as CI does once it has installed them.
+//! What qcball writes as VTU, with every kind of array and cell, is what PyVista and meshio read.
 
 use std::process::Command;
 
+use super::python::{python, succeed};
 use qcball::mesh::io::{DataArray, Values, write_hexahedra_vtu, write_vtu};
 use qcball::mesh::{Vec3, VertexId};
 use qcball::picture::BoundaryFigures;
@@ -51,19 +49,6 @@ assert grid.cell_data["flag"].dtype == numpy.uint8
 assert grid.volume > 0
 "#;
 
-fn python() -> Option<String> {
-    let python = std::env::var("QCBALL_PYTHON").unwrap_or_else(|_| "python3".into());
-    let lack = match Command::new(&python).args(["-c", "import meshio, pyvista"]).output() {
-        Ok(output) if output.status.success() => return Some(python),
-        Ok(output) => String::from_utf8_lossy(&output.stderr).lines().last().unwrap_or_default().to_string(),
-        Err(error) => error.to_string(),
-    };
-    let notice = format!("{python} cannot import meshio and pyvista: {lack}");
-    assert!(std::env::var_os("QCBALL_PYTHON_REQUIRED").is_none(), "{notice}");
-    eprintln!("skipped: {notice}");
-    None
-}
-
 fn line(name: &str, kind: &str, values: impl IntoIterator<Item = f64>) -> String {
     let values: Vec<String> = values.into_iter().map(|v| v.to_string()).collect();
     format!("{name} {kind} {}\n", values.join(" "))
@@ -104,8 +89,7 @@ fn check(python: &str, count: usize) {
         line("cell.flag", "scalar", flags.iter().map(|&flag| flag.into())),
     ];
     std::fs::write(&expected, text.concat()).unwrap();
-    let output = Command::new(python).args(["-c", CHECK]).args([&vtu, &expected]).output().unwrap();
-    assert!(output.status.success(), "{count} tets: {}", String::from_utf8_lossy(&output.stderr));
+    succeed(Command::new(python).args(["-c", CHECK]).args([&vtu, &expected]));
 }
 
 #[test]
@@ -155,6 +139,5 @@ fn pyvista_and_meshio_read_boxes_and_surfaces() {
     let settings = ShellSettings { subdivisions: 2, refinement: None, layers: 2, grading: 1.0 };
     let mesh = shell_mesh(&surface, Vec3::zeros(), &settings).unwrap().mesh;
     BoundaryFigures::of((&mesh).into(), mesh.points(), None).unwrap().write(&boundary).unwrap();
-    let output = Command::new(python).args(["-c", CHECK_CELLS]).args([&boxes, &boundary]).output().unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    succeed(Command::new(python).args(["-c", CHECK_CELLS]).args([&boxes, &boundary]));
 }
