@@ -35,7 +35,10 @@
 //! **Limits.** The rank of the lifted problem is relaxed and orientation dropped, so that the best k is below the least K.
 
 mod check;
+mod dual;
 mod interval;
+mod lifted;
+mod moments;
 mod multipliers;
 mod path;
 mod relaxed;
@@ -75,6 +78,15 @@ pub struct Certificate {
     pub upper: Vec<[f64; 6]>,
     /// rho >= 0, the multiplier of `tr G <= c tau`.
     pub trace: Vec<f64>,
+    /// The factor of T, the multiplier of `delta^3 <= det G`; all zero if the list is empty.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub volume: Vec<[f64; 6]>,
+    /// X and Y, row by row, with `W = X Y^T` the multiplier of `|C| <= k^(1/3) delta`; all zero if the list is empty.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub cofactor: Vec<[[f64; 9]; 2]>,
+    /// eta and e, the multiplier of `delta <= d^(2/3)` and the d^(1/3) at which it is a tangent; all zero if the list is empty.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub determinant: Vec<[f64; 2]>,
 }
 
 impl Certificate {
@@ -85,13 +97,26 @@ impl Certificate {
             lower: multipliers.iter().map(|m| m.lower).collect(),
             upper: multipliers.iter().map(|m| m.upper).collect(),
             trace: multipliers.iter().map(|m| m.trace).collect(),
+            volume: unless_zero(multipliers.iter().map(|m| m.volume).collect()),
+            cofactor: unless_zero(multipliers.iter().map(|m| m.cofactor).collect()),
+            determinant: unless_zero(multipliers.iter().map(|m| m.determinant).collect()),
         }
+    }
+
+    /// Whether the proof speaks of orientation-preserving maps only: eta is not zero on some tet.
+    pub fn is_oriented(&self) -> bool {
+        self.determinant.iter().any(|[eta, _]| *eta != 0.0)
     }
 
     /// The certificate as it stands in `certificate.json`; every number is read back as the same bits.
     pub fn to_json(&self) -> String {
         serde_json::to_string(self).expect("numbers in lists") + "\n"
     }
+}
+
+/// The list, or an empty one if all its entries are zero.
+fn unless_zero<T: Default + PartialEq>(list: Vec<T>) -> Vec<T> {
+    if list.iter().all(|entry| *entry == T::default()) { Vec::new() } else { list }
 }
 
 /// Why a certificate proves nothing of a mesh with its boundary.
@@ -112,9 +137,18 @@ pub enum Rejection {
     /// The sparse factor cannot be held.
     #[error("the sparse factor does not fit in memory")]
     TooLarge,
-    /// rho is negative, or S too small.
-    #[error("tet {tet}: tr S is below k^(4/3) tr R + (1 + k^(2/3) + k^(4/3)) rho, or rho is negative")]
+    /// Multipliers of lower bounds are too small, or one has the wrong sign.
+    #[error(
+        "tet {tet}: the multipliers S, T and eta do not outweigh R, rho and W at this level, or rho, eta or e is negative, or \
+         eta positive without e"
+    )]
     TraceCondition {
+        /// The tet, counted from 0.
+        tet: u32,
+    },
+    /// eta is used where the determinant is not a quadratic function of the free vertices.
+    #[error("tet {tet} has more than two free vertices, so that its eta must be zero")]
+    NotQuadratic {
         /// The tet, counted from 0.
         tet: u32,
     },
@@ -135,10 +169,11 @@ pub enum Rejection {
 /// # Panics
 /// If `image` has fewer positions than the domain has vertices.
 pub fn check(certificate: &Certificate, domain: &Domain, image: &[Vec3]) -> Result<f64, Rejection> {
-    let Certificate { level, tets, lower, upper, trace } = certificate;
+    let Certificate { level, tets, lower, upper, trace, volume, cofactor, determinant } = certificate;
     let malformed = |message: String| Err(Rejection::Malformed(message));
     let (count, in_mesh) = (tets.len(), domain.mesh().tets().len());
-    if [lower.len(), upper.len(), trace.len()] != [count; 3] {
+    let optional = [volume.len(), cofactor.len(), determinant.len()];
+    if [lower.len(), upper.len(), trace.len()] != [count; 3] || optional.iter().any(|&len| len != 0 && len != count) {
         return malformed("its lists must have one entry for each of its tets".into());
     }
     if let Some(pair) = tets.windows(2).find(|pair| pair[0] >= pair[1]) {
@@ -150,12 +185,24 @@ pub fn check(certificate: &Certificate, domain: &Domain, image: &[Vec3]) -> Resu
     if !(*level >= 1.0 && level.is_finite()) {
         return malformed(format!("its level is {level}, but must be finite and at least 1"));
     }
-    if !lower.iter().chain(upper).flatten().chain(trace).all(|number| number.is_finite()) {
+    let factors = lower.iter().chain(upper).chain(volume).flatten();
+    let others = trace.iter().chain(cofactor.iter().flatten().flatten()).chain(determinant.iter().flatten());
+    if !factors.chain(others).all(|number| number.is_finite()) {
         return malformed("a multiplier is not a finite number".into());
     }
-    let multipliers: Vec<Multipliers> =
-        (0..count).map(|i| Multipliers { lower: lower[i], upper: upper[i], trace: trace[i] }).collect();
-    Checker::new(domain, tets.iter().map(|&tet| TetId(tet)).collect())?.check(*level, &multipliers, image)?;
+    let multipliers: Vec<Multipliers> = (0..count)
+        .map(|i| Multipliers {
+            lower: lower[i],
+            upper: upper[i],
+            trace: trace[i],
+            volume: volume.get(i).copied().unwrap_or_default(),
+            cofactor: cofactor.get(i).copied().unwrap_or_default(),
+            determinant: determinant.get(i).copied().unwrap_or_default(),
+        })
+        .collect();
+    let coupled = multipliers.iter().any(Multipliers::couples_coordinates);
+    let tets = tets.iter().map(|&tet| TetId(tet)).collect();
+    Checker::new(domain, tets, coupled)?.check(*level, &multipliers, image)?;
     Ok(*level)
 }
 
@@ -178,8 +225,9 @@ pub fn bound(certificate: &Certificate, domain: &Domain, image: &[Vec3]) -> Resu
     let vertices = (0..).map(VertexId).zip(weights);
     let (centre, _) = vertices.reduce(|a, b| if b.1 > a.1 { b } else { a }).ok_or(Rejection::NothingFree)?;
     let place = Place::vertex(domain.mesh(), centre);
+    let maps = if certificate.is_oriented() { "any orientation-preserving PL map" } else { "any PL map" };
     let reason = format!(
-        "any PL map of this mesh with these boundary positions; certificate on {} tets",
+        "{maps} of this mesh with these boundary positions; certificate on {} tets",
         certificate.tets.len()
     );
     Ok(LowerBound::of_mesh("gram", "bounds.md B6", Kind::K, value, place, reason))
