@@ -42,29 +42,31 @@ pub(super) fn moment(i: usize, j: usize) -> usize {
 }
 
 impl LiftedTet {
-    /// A tet with these gradients of barycentric coordinates; a corner is either the number of a free vertex or fixed at a
-    /// position. Positions are those of the image divided by `size`; `determinant` is that of their Jacobian at the start, positive.
+    /// A tet with these gradients of barycentric coordinates and these positions of its corners at the start. A free corner
+    /// has the number of its vertex and a length: the unknowns are its displacements in such lengths, so that moments are
+    /// about 1. Positions are those of the image divided by `size`; `determinant`, positive, is that of their Jacobian.
     pub(super) fn new(
         gradients: &[Vec3; 4],
-        corners: &[Result<usize, Vec3>; 4],
+        positions: &[Vec3; 4],
+        corners: &[Option<(usize, f64)>; 4],
         determinant: f64,
         size: f64,
     ) -> Self {
-        let gradients = gradients.map(|gradient| gradient / determinant.cbrt());
         let mut fixed_part = Mat3::zeros();
         // Free vertices and their gradients.
         let mut free: Vec<(usize, Vec3)> = Vec::new();
-        for (corner, gradient) in corners.iter().zip(&gradients) {
-            match corner {
-                Ok(vertex) => free.push((*vertex, *gradient)),
-                Err(position) => fixed_part += position * gradient.transpose(),
+        for ((corner, gradient), position) in corners.iter().zip(gradients).zip(positions) {
+            let gradient = gradient / determinant.cbrt();
+            fixed_part += position * gradient.transpose();
+            if let Some((vertex, length)) = corner {
+                free.push((*vertex, gradient * *length));
             }
         }
         let count = 3 * free.len() + 1;
         let places: Vec<usize> = std::iter::once(0)
             .chain(free.iter().flat_map(|(vertex, _)| (0..3).map(move |coordinate| 1 + 3 * vertex + coordinate)))
             .collect();
-        // Each entry of the Jacobian as a function of (1, positions of the free corners).
+        // Each entry of the Jacobian as a function of (1, displacements of the free corners).
         let entry = |row: usize, column: usize| {
             let mut function = DVector::zeros(count);
             function[0] = fixed_part[(row, column)];
@@ -314,54 +316,49 @@ mod tests {
         (seed as f64 * 12.9898 + 4.0).sin()
     }
 
-    fn corners(free: usize) -> ([Vec3; 4], [Result<usize, Vec3>; 4], [Vec3; 4]) {
+    /// A tet with the numbers of free corners from 0 on, its Jacobian at displacements z and the moments of z.
+    fn tet(free: usize) -> (LiftedTet, Mat3, Vec<f64>) {
         let vector = |seed: usize| Vec3::from_fn(|i, _| 0.2 * number(3 * seed + i));
         let [a, b, c] = [0, 1, 2].map(|i| Vec3::ith(i, 1.0) + vector(i));
         let positions = [vector(4), a + vector(5), b + vector(6), c + vector(7)];
-        let gradients = [vector(8) - Vec3::repeat(1.0), Vec3::x() + vector(9), Vec3::y() + vector(10), Vec3::zeros()];
-        let last = -(gradients[0] + gradients[1] + gradients[2]);
-        let gradients = [gradients[0], gradients[1], gradients[2], last];
-        let corners = std::array::from_fn(|i| if i < free { Ok(i) } else { Err(positions[i]) });
-        (gradients, corners, positions)
-    }
-
-    /// The moments of the free positions themselves, blurred a little.
-    fn moments(free: usize, positions: &[Vec3; 4], blur: f64) -> Vec<f64> {
-        let z: Vec<f64> = std::iter::once(1.0).chain(positions[..free].iter().flat_map(|p| [p.x, p.y, p.z])).collect();
+        let edges = Mat3::from_columns(&[a, b, c].map(|corner| corner - vector(4)));
+        let inverse = edges.try_inverse().unwrap();
+        let [g1, g2, g3] = [0, 1, 2].map(|row| inverse.row(row).transpose());
+        let gradients = [-(g1 + g2 + g3), g1, g2, g3];
+        let corners = std::array::from_fn(|i| (i < free).then_some((i, 0.5)));
+        let at = |displaced: f64| -> Mat3 {
+            let ends = (0..4).map(|i| positions[i] + if i < free { vector(i + 20) * displaced } else { Vec3::zeros() });
+            ends.zip(&gradients).map(|(end, gradient)| end * gradient.transpose()).sum()
+        };
+        let determinant = at(0.0).determinant();
+        assert!(determinant > 0.0);
+        let z: Vec<f64> =
+            std::iter::once(1.0).chain((0..free).flat_map(|i| [0, 1, 2].map(|c| vector(i + 20)[c] / 0.5))).collect();
         let pairs = (0..z.len()).flat_map(|j| (0..=j).map(move |i| (i, j)));
-        pairs.map(|(i, j)| z[i] * z[j] + if i == j && i > 0 { blur } else { 0.0 }).collect()
+        let moments = pairs.map(|(i, j)| z[i] * z[j]).collect();
+        (LiftedTet::new(&gradients, &positions, &corners, determinant, 2.0), at(1.0) / determinant.cbrt(), moments)
     }
 
     #[test]
     fn figures_are_those_of_the_jacobian() {
         for free in 1..=4 {
-            let (gradients, corners, positions) = corners(free);
-            let jacobian: Mat3 = (0..4).map(|i| positions[i] * gradients[i].transpose()).sum();
-            let determinant = jacobian.determinant();
-            let tet = LiftedTet::new(&gradients, &corners, determinant.abs(), 2.0);
-            let (gram, found, d) = parts(&tet.figures(&moments(free, &positions, 0.0)));
-            let scaled = jacobian / determinant.abs().cbrt();
-            assert!((gram - scaled.transpose() * scaled).norm() < 1e-13);
-            assert!((found - cofactors(&scaled)).norm() < 1e-13);
-            assert!((cofactors(&scaled).transpose() * scaled - Mat3::identity() * scaled.determinant()).norm() < 1e-13);
-            assert!(free > 2 || (d - scaled.determinant()).abs() < 1e-13);
+            let (tet, jacobian, moments) = tet(free);
+            let (gram, found, d) = parts(&tet.figures(&moments));
+            assert!((gram - jacobian.transpose() * jacobian).norm() < 1e-13);
+            assert!((found - cofactors(&jacobian)).norm() < 1e-13);
+            let product = cofactors(&jacobian).transpose() * jacobian;
+            assert!((product - Mat3::identity() * jacobian.determinant()).norm() < 1e-13);
+            assert!(free > 2 || (d - jacobian.determinant()).abs() < 1e-13);
         }
     }
 
     #[test]
     fn derivatives_match_differences_and_multipliers_the_gradient() {
         for free in 1..=4 {
-            let (gradients, mut corners, mut positions) = corners(free);
-            // A positive determinant at the start.
-            let jacobian: Mat3 = (0..4).map(|i| positions[i] * gradients[i].transpose()).sum();
-            if jacobian.determinant() < 0.0 {
-                positions.iter_mut().for_each(|p| p.z = -p.z);
-                (free..4).for_each(|i| corners[i] = Err(positions[i]));
-            }
-            let tet = LiftedTet::new(&gradients, &corners, jacobian.determinant().abs(), 2.0);
+            let (tet, _, mut moments) = tet(free);
             let level = Level::new(7.0f64.ln());
-            let moments = moments(free, &positions, 1e-3);
-            let (delta, slack) = (0.9, -0.3);
+            (1..=3 * free).for_each(|i| moments[moment(i, i)] += 1e-3);
+            let (delta, slack) = (0.9, -2.0);
             let mut derivatives = Derivatives::zero();
             tet.barrier(&moments, delta, slack, &level, Some(&mut derivatives)).unwrap();
             for seed in 0..5 {

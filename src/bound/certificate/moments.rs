@@ -1,7 +1,8 @@
 //! The lifted problem of a sub-complex with few free vertices: moments of their positions as unknowns, one dense Newton
 //! system a step.
 //!
-//! With `z = (1, x)` and x the 3n coordinates of the free vertices, the moments are the entries of a positive semidefinite
+//! With `z = (1, x)` and x the 3n displacements of the free vertices from where they start, each in lengths of the
+//! shortest edge there, the moments are the entries of a positive semidefinite
 //! matrix Z of size 3n + 1 with `Z_00 = 1` in the place of `z z^T`. G, C and d of a tet are linear in them
 //! ([`LiftedTet`]), and so *the largest slack with which the conditions of a level k hold* is a convex problem. If it is
 //! negative, the multipliers of the conditions are a certificate for k.
@@ -24,7 +25,7 @@ const CENTRED: f64 = 0.1;
 /// Growth of the weight from one centred point to the next.
 const WEIGHT_RATIO: f64 = 10.0;
 /// Most Newton steps at one weight.
-const STEPS: usize = 60;
+const STEPS: usize = 100;
 /// Deviation of the positions at the start, in lengths of the shortest edge.
 const FIRST_DEVIATION: f64 = 0.05;
 
@@ -75,35 +76,36 @@ impl Moments {
         let centre = all.iter().map(|v| image[v.index()]).sum::<Vec3>() / all.len() as f64;
         let size = all.iter().map(|v| (image[v.index()] - centre).norm()).fold(0.0, f64::max);
         let normalized = |v: VertexId| (image[v.index()] - centre) / size;
+        let unknown = |v: VertexId| free.binary_search(&v).ok();
         let mut shortest = vec![f64::INFINITY; free.len()];
+        for vertices in ids.iter().map(|tet| mesh.tets()[tet.index()]) {
+            for (v, length) in vertices.into_iter().filter_map(|v| Some((v, unknown(v)?))) {
+                let others = vertices.into_iter().filter(|&other| other != v);
+                let lengths = others.map(|other| (normalized(other) - normalized(v)).norm());
+                shortest[length] = lengths.fold(shortest[length], f64::min);
+            }
+        }
         let mut tets = Vec::with_capacity(ids.len());
         for &tet in &ids {
             let inverse = &domain.inverse_edges()[tet.index()];
             let [g1, g2, g3] = [0, 1, 2].map(|row| inverse.row(row).transpose());
-            // Gradients of normalised positions.
             let gradients = [-(g1 + g2 + g3), g1, g2, g3];
             let vertices = mesh.tets()[tet.index()];
-            let corners = vertices.map(|v| free.binary_search(&v).map_err(|_| normalized(v)));
-            for (corner, v) in corners.iter().zip(vertices) {
-                if let Ok(unknown) = corner {
-                    let others = vertices.into_iter().filter(|&other| other != v);
-                    let lengths = others.map(|other| (normalized(other) - normalized(v)).norm());
-                    shortest[*unknown] = lengths.fold(shortest[*unknown], f64::min);
-                }
-            }
+            let corners = vertices.map(|v| unknown(v).map(|unknown| (unknown, shortest[unknown])));
             let determinant = domain.jacobian(tet, image).determinant() / size.powi(3);
             if determinant.is_nan() || determinant <= 0.0 {
                 return None;
             }
-            tets.push(LiftedTet::new(&gradients, &corners, determinant, size));
+            tets.push(LiftedTet::new(&gradients, &vertices.map(normalized), &corners, determinant, size));
         }
         let rows = 3 * free.len() + 1;
-        let z: Vec<f64> = std::iter::once(1.0)
-            .chain(free.iter().flat_map(|&v| normalized(v).iter().copied().collect::<Vec<_>>()))
-            .collect();
-        let variance = |i: usize| (FIRST_DEVIATION * shortest[(i - 1) / 3]).powi(2);
         let pairs = (0..rows).flat_map(|j| (0..=j).map(move |i| (i, j)));
-        let moments = pairs.map(|(i, j)| z[i] * z[j] + if i == j && i > 0 { variance(i) } else { 0.0 }).collect();
+        let first = |(i, j): (usize, usize)| match (i, j) {
+            (0, 0) => 1.0,
+            _ if i == j => FIRST_DEVIATION * FIRST_DEVIATION,
+            _ => 0.0,
+        };
+        let moments = pairs.map(first).collect();
         let deltas = vec![1.0; tets.len()];
         let point = Point { moments, deltas, slack: 0.0 };
         let mut problem =
@@ -190,7 +192,7 @@ impl Moments {
             if Instant::now() > deadline {
                 return false;
             }
-            let Some((step, slope)) = self.newton_step() else { return false };
+            let Some((step, slope)) = self.newton_step() else { eprintln!("     no step"); return false };
             if -slope < 2.0 * CENTRED {
                 return true;
             }
@@ -202,12 +204,14 @@ impl Moments {
                 if let Some(next_value) = self.barrier(&next, &self.level)
                     && next_value - self.weight * next.slack <= total + ARMIJO * length * slope
                 {
+                    if std::env::var("QQ").is_ok() {eprintln!("      w {:.1e} len {length:.2e} slope {slope:.2e} slack {:.3e}", self.weight, next.slack);}
                     (self.point, value, found) = (next, next_value, true);
                     break;
                 }
                 length *= 0.5;
             }
             if !found {
+                eprintln!("      not found slope {slope:.2e} w {:.1e}", self.weight);
                 // Rounding decides.
                 return -slope < 1.0;
             }

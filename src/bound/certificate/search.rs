@@ -38,7 +38,7 @@ const ACTIVE: f64 = 1.0 - 1e-3;
 /// Most places where lifted problems are solved.
 const MOST_PLACES: usize = 6;
 /// Numbers of free vertices to which the sets of the lifted problems are grown.
-const GROWTH: [usize; 5] = [4, 6, 8, 10, 12];
+const GROWTH: [usize; 3] = [4, 6, 8];
 /// Fraction of ln K at which the first level of a lifted problem lies.
 const FIRST_FRACTION: f64 = 0.85;
 /// Accuracies of the slacks of the levels that are tried one after another.

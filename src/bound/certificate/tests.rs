@@ -162,6 +162,7 @@ fn tampering_is_rejected() {
         Rejection::Malformed(_) => "malformed",
         Rejection::TraceCondition { .. } => "trace",
         Rejection::NotConcave | Rejection::NotNegative => "form",
+        Rejection::NotQuadratic { .. } => "cubic",
         Rejection::NothingFree | Rejection::Degenerate { .. } | Rejection::TooLarge => "other",
     };
     type Change<'a> = &'a dyn Fn(&mut Certificate);
