@@ -90,7 +90,10 @@ impl<'a> Checker<'a> {
             }
         }
         let forms: Vec<Form> = multipliers.iter().map(Form::new).collect();
-        assert!(self.size == 3 || forms.iter().all(|form| form.oriented.is_none()), "coupled forms need blocks of three");
+        assert!(
+            self.size == 3 || forms.iter().all(|form| form.oriented.is_none()),
+            "coupled forms need blocks of three"
+        );
         let (scale, smallest) = self.factorize(&forms, image)?;
         let fixed = |v: VertexId| self.domain.boundary().contains(v).then(|| image[v.index()]);
         let corners = self.tets.iter().flat_map(|tet| self.domain.mesh().tets()[tet.index()]);

@@ -50,8 +50,8 @@ impl Dual {
     /// How much must be multiplied to the multipliers of upper bounds so that the trace condition of a level is an equality.
     pub(super) fn stretch(&self, level: Level) -> f64 {
         let [eta, e] = self.determinant;
-        let earned = self.lower.trace()
-            + level.middle * (3.0 * self.volume.determinant().max(0.0).cbrt() + 1.5 * eta * e);
+        let earned =
+            self.lower.trace() + level.middle * (3.0 * self.volume.determinant().max(0.0).cbrt() + 1.5 * eta * e);
         let paid = level.ratio * self.upper.trace()
             + level.trace * self.trace
             + level.root * level.middle * self.cofactor.singular_values().sum();

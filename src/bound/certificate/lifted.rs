@@ -108,10 +108,7 @@ impl LiftedTet {
             let form = &forms[figure];
             if i == j { form[(i, i)] } else { form[(i, j)] + form[(j, i)] }
         });
-        let moments = pairs
-            .iter()
-            .map(|&(i, j)| moment(places[i].min(places[j]), places[i].max(places[j])))
-            .collect();
+        let moments = pairs.iter().map(|&(i, j)| moment(places[i].min(places[j]), places[i].max(places[j]))).collect();
         Self { moments, map, has_determinant, scale: determinant.cbrt() * size }
     }
 
@@ -197,7 +194,8 @@ impl LiftedTet {
             let spare = power - delta - slack;
             value += add_logarithm(spare, &slope, &mut derivatives)?;
             if let Some(derivatives) = &mut derivatives {
-                derivatives.hessian[(DETERMINANT, DETERMINANT)] += 2.0 / 9.0 * power / (determinant * determinant * spare);
+                derivatives.hessian[(DETERMINANT, DETERMINANT)] +=
+                    2.0 / 9.0 * power / (determinant * determinant * spare);
             }
             let mut slope = SVector::<f64, ARGUMENTS>::zeros();
             slope[DETERMINANT] = 1.0;
@@ -362,7 +360,8 @@ mod tests {
             let mut derivatives = Derivatives::zero();
             tet.barrier(&moments, delta, slack, &level, Some(&mut derivatives)).unwrap();
             for seed in 0..5 {
-                let moved: Vec<f64> = (0..moments.len()).map(|i| if i == 0 { 0.0 } else { number(i + 91 * seed) }).collect();
+                let moved: Vec<f64> =
+                    (0..moments.len()).map(|i| if i == 0 { 0.0 } else { number(i + 91 * seed) }).collect();
                 let mut direction = SVector::<f64, ARGUMENTS>::zeros();
                 direction.fixed_rows_mut::<FIGURES>(0).copy_from(&tet.figures(&moved));
                 (direction[SIZE], direction[SLACK]) = (number(seed), number(seed + 7));

@@ -1,38 +1,61 @@
 //! The Gram certificate (bounds.md B6): a bound for the mesh with its boundary fixed that anybody can check.
 //!
-//! **What holds.** Let J be the Jacobian of a piecewise-linear map on a tet and `G = J^T J` its Gram matrix, the entries of
-//! which are quadratic in the vertices' positions. If the tet has K <= k, then with `c = 1 + k^(2/3) + k^(4/3)` and some
-//! tau > 0
+//! **What holds.** Let A be the Jacobian of a piecewise-linear map on a tet, `s1 >= s2 >= s3 > 0` its singular values and
+//! `d = det A > 0`. The entries of the Gram matrix `G = A^T A` and of the cofactors `C = d A^-T` are quadratic in the
+//! vertices' positions, and so is d itself if at most two vertices are free. With `delta = d^(2/3)` and
+//! `c = 1 + k^(2/3) + k^(4/3)`, K <= k implies
 //!
 //! ```text
-//! tau I <= G <= k^(4/3) tau I        tr G <= c tau
+//! k^(-2/3) delta I <= G <= k^(2/3) delta I        tr G <= c k^(-2/3) delta        |C| <= k^(1/3) delta
 //! ```
 //!
-//! (with tau the square of the least singular value: relative to it, K <= k bounds the squares of the others by k^(4/3) and
-//! their sum by k^(2/3) + k^(4/3)).
+//! `K_O = s1^3 / d <= k` is `s1^2 <= k^(2/3) delta`, and `K_I = d / s3^3 <= k` is `delta <= k^(2/3) s3^2`, from which the
+//! spectral norm of C, `s1 s2 = d / s3`, is at most `k^(1/3) delta`. For the trace let `l_i = ln s_i - ln d / 3`: they lie in the hexagon of
+//! sum 0 and `|l_i| <= a = ln k / 3`, on which the convex sum of `exp(2 l_i)` is largest at a vertex `(a, 0, -a)`.
 //!
-//! **Certificate.** A number k and for each tet of a sub-complex positive semidefinite S, R and rho >= 0 with
-//! `tr S >= k^(4/3) tr R + c rho`. Let `M = S - R - rho I`. If the quadratic function of the free vertices
+//! **Certificate.** A number k and for each tet of a sub-complex positive semidefinite S, T and R, any W, and rho, eta, e >= 0
+//! with eta = 0 if more than two vertices of the tet are free and e > 0 if eta is not zero, such that
 //!
 //! ```text
-//! Q = sum over the tets of <M, G>
+//! tr S + k^(2/3) (3 (det T)^(1/3) + 3/2 eta e) >= k^(4/3) tr R + c rho + k |W|_*
 //! ```
 //!
-//! is strictly concave and its maximum is negative, then **K > k on some tet of the sub-complex, whatever the free vertices
-//! do**: where every tet had K <= k, each `<M, G> >= tau (tr S - k^(4/3) tr R - c rho) >= 0`, and Q >= 0. Orientation and
-//! injectivity are not needed.
+//! with the nuclear norm of W. Let `M = S + T - R - rho I`. If the quadratic function of the free vertices
+//!
+//! ```text
+//! Q = sum over the tets of <M, G> - <W, C> + eta (d + e^3 / 2)
+//! ```
+//!
+//! is strictly concave and its maximum is negative, then **every map that is orientation-preserving on these tets has K > k
+//! on one of them, whatever the free vertices do**. Proof: where all have K <= k,
+//!
+//! ```text
+//! <S, G> >= k^(-2/3) delta tr S            <R, G> <= k^(2/3) delta tr R         rho tr G <= rho c k^(-2/3) delta
+//! <T, G> >= 3 (det T det G)^(1/3) = 3 (det T)^(1/3) delta                       <W, C> <= k^(1/3) delta |W|_*
+//! d + e^3 / 2 >= 3/2 e delta
+//! ```
+//!
+//! (the last two lower bounds by the inequality of arithmetic and geometric means), so that Q is at least the sum of
+//! `k^(-2/3) delta` times the difference of the two sides of the condition, and Q >= 0: a contradiction. Injectivity is not needed. Where
+//! eta = 0 on all tets the same holds with `delta = |d|^(2/3)`, and orientation is not needed either.
 //!
 //! **Check** ([`check()`]). From the mesh, the boundary positions and the certificate alone, with all rounding accounted for:
-//! gradients, Gram matrices, M, Q and its gradient by interval arithmetic; concavity by a sparse Cholesky factorization with
-//! an a-priori bound on its error; the maximum by `max Q <= Q(x) + |grad Q(x)|^2 / (4 lambda)` at an approximate maximiser x,
-//! lambda below the least eigenvalue of minus Q's Hessian / 2.
+//! gradients, Jacobians, the condition, Q and its gradient by interval arithmetic, with `|W|_*` bounded by half the sum of the
+//! squares of X and Y, `W = X Y^T`; concavity by a sparse Cholesky factorization with an a-priori bound on its error; the
+//! maximum by `max Q <= Q(x) + |grad Q(x)|^2 / (4 lambda)` at an approximate maximiser x, lambda below the least eigenvalue
+//! of minus Q's Hessian / 2. W and eta couple the coordinates: two vertices of a tet with gradients g and h of their
+//! barycentric coordinates have the skew block of the vector `(eta A - W) (g x h) / 2`.
 //!
-//! **Search** ([`search()`]). S, R and rho are the Lagrange multipliers of the problem "the least k for which the free vertices
-//! satisfy the conditions above" once vertices may move in more than three coordinates: with enough of them its local
-//! optima are global, and Q is concave there (Burer and Monteiro). It has the sparsity of the mesh, and a logarithmic barrier and
-//! Newton's method solve it on a star of 100 tets in some hundredths of a second. No conic solver is needed.
+//! **Search** ([`search()`]), in two ways.
+//! - *Few free vertices* (`moments`): the moments of the free positions are the unknowns of a convex problem in which G, C
+//!   and d are linear. The largest slack of its conditions is found by a logarithmic barrier and a dense Newton system, and
+//!   the level for which that slack is zero by Newton's method on ln k. The multipliers of the barrier are the certificate.
+//! - *Many* (`path`): with T, W and eta zero, the free vertices may move in more than three coordinates: with enough of them
+//!   local optima are global, and Q is concave there (Burer and Monteiro). It has the sparsity of the mesh, and a logarithmic
+//!   barrier and Newton's method solve it on a star of 100 tets in some hundredths of a second.
 //!
-//! **Limits.** The rank of the lifted problem is relaxed and orientation dropped, so that the best k is below the least K.
+//! **Limits.** The positions' moments are relaxed, and tets with three free vertices know nothing of orientation, so that the
+//! best k is below the least K.
 
 mod check;
 mod dual;
@@ -226,9 +249,7 @@ pub fn bound(certificate: &Certificate, domain: &Domain, image: &[Vec3]) -> Resu
     let (centre, _) = vertices.reduce(|a, b| if b.1 > a.1 { b } else { a }).ok_or(Rejection::NothingFree)?;
     let place = Place::vertex(domain.mesh(), centre);
     let maps = if certificate.is_oriented() { "any orientation-preserving PL map" } else { "any PL map" };
-    let reason = format!(
-        "{maps} of this mesh with these boundary positions; certificate on {} tets",
-        certificate.tets.len()
-    );
+    let reason =
+        format!("{maps} of this mesh with these boundary positions; certificate on {} tets", certificate.tets.len());
     Ok(LowerBound::of_mesh("gram", "bounds.md B6", Kind::K, value, place, reason))
 }

@@ -192,7 +192,7 @@ impl Moments {
             if Instant::now() > deadline {
                 return false;
             }
-            let Some((step, slope)) = self.newton_step() else { eprintln!("     no step"); return false };
+            let Some((step, slope)) = self.newton_step() else { return false };
             if -slope < 2.0 * CENTRED {
                 return true;
             }
@@ -204,14 +204,12 @@ impl Moments {
                 if let Some(next_value) = self.barrier(&next, &self.level)
                     && next_value - self.weight * next.slack <= total + ARMIJO * length * slope
                 {
-                    if std::env::var("QQ").is_ok() {eprintln!("      w {:.1e} len {length:.2e} slope {slope:.2e} slack {:.3e}", self.weight, next.slack);}
                     (self.point, value, found) = (next, next_value, true);
                     break;
                 }
                 length *= 0.5;
             }
             if !found {
-                eprintln!("      not found slope {slope:.2e} w {:.1e}", self.weight);
                 // Rounding decides.
                 return -slope < 1.0;
             }

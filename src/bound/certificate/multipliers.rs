@@ -84,9 +84,8 @@ impl Multipliers {
         let earned = squares(&self.lower) + square * (Interval::exactly(3.0) * mean + tangent);
         let norm = Interval::exactly(0.5) * (squares(&self.cofactor[0]) + squares(&self.cofactor[1]));
         let constant = Interval::exactly(1.0) + square + square * square;
-        let paid = square * square * squares(&self.upper)
-            + constant * Interval::exactly(self.trace)
-            + square * root * norm;
+        let paid =
+            square * square * squares(&self.upper) + constant * Interval::exactly(self.trace) + square * root * norm;
         let signs = self.trace >= 0.0 && eta >= 0.0 && (e > 0.0 || (eta == 0.0 && e == 0.0));
         signs && earned.lower >= paid.upper
     }

@@ -77,8 +77,7 @@ impl Barrier {
 
     /// The multipliers in the coordinates of the domain.
     pub(super) fn dual(&self) -> Dual {
-        let on_axes =
-            |eigenvalues: &Vec3| self.axes * Mat3::from_diagonal(eigenvalues) * self.axes.transpose();
+        let on_axes = |eigenvalues: &Vec3| self.axes * Mat3::from_diagonal(eigenvalues) * self.axes.transpose();
         Dual {
             lower: on_axes(&self.lower),
             volume: Mat3::zeros(),

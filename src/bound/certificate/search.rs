@@ -46,7 +46,8 @@ const SLACKS: [f64; 4] = [1e-3, 1e-4, 1e-5, 3e-6];
 
 /// Searches for a certificate for at most `time_limit`; interior entries of `image` are the map started from.
 ///
-/// First the relaxed problem is solved roughly around many boundary vertices, those with the largest K first. Its level is
+/// First lifted problems with orientation are solved around the active tets, with few free vertices, at most for a third of
+/// the time. Then the relaxed problem without orientation is solved roughly around many boundary vertices, those with the largest K first. Its level is
 /// about the bound that a certificate there can prove, and so the best of these places are then solved finely, on more and
 /// more rings of tets as long as that helps. The result depends on nothing but the arguments unless the time runs out.
 ///
@@ -61,7 +62,7 @@ pub fn search(domain: &Domain, image: &[Vec3], time_limit: Duration) -> Option<C
         return None;
     }
     let mut search = Search { domain, image, measured: &measured, deadline: start + time_limit, best: None };
-    search.lifted_problems();
+    search.lifted_problems(start + time_limit / 3);
     let level_around = |star: Vec<TetId>| {
         if start.elapsed() > time_limit / 2 {
             return None;
@@ -204,18 +205,19 @@ impl<'a> Search<'a> {
     }
 
     /// Solves lifted problems around the tets with the largest K, with more and more free vertices.
-    fn lifted_problems(&mut self) {
+    fn lifted_problems(&mut self, deadline: Instant) {
         for seed in self.places() {
             let mut last = 0;
             for size in std::iter::once(seed.len()).chain(GROWTH.into_iter().filter(|&size| size > seed.len())) {
                 let free = self.grown(seed.clone(), size);
-                if free.len() == last || Instant::now() > self.deadline {
+                if free.len() == last || Instant::now() > deadline {
                     break;
                 }
                 last = free.len();
-                let t = Instant::now();
-                let level = self.lifted(&free);
-                eprintln!("n {} tets {} level {:?} best {} {:.2?}", free.len(), tets_among(self.domain, &free).len(), level.map(f64::exp), self.best_log().exp(), t.elapsed());
+                let before = self.best_log();
+                if !self.lifted(&free, deadline) || self.best_log() <= before {
+                    break;
+                }
             }
         }
     }
@@ -271,35 +273,28 @@ impl<'a> Search<'a> {
     }
 
     /// Solves the lifted problem of some free vertices at levels near the least possible one and turns the multipliers into
-    /// certificates; an estimate of the highest ln k that they can prove.
-    fn lifted(&mut self, free: &[VertexId]) -> Option<f64> {
+    /// certificates; whether the least level was found.
+    fn lifted(&mut self, free: &[VertexId], deadline: Instant) -> bool {
         let tets = tets_among(self.domain, free);
         let largest = tets.iter().map(|tet| self.k(*tet)).fold(1.0, f64::max).ln();
         let mut log = self.best_log().max(FIRST_FRACTION * largest);
-        let mut problem = Moments::new(self.domain, self.image, free, log)?;
+        let Some(mut problem) = Moments::new(self.domain, self.image, free, log) else { return false };
         let mut first = 1.0;
-        let mut estimate = None;
         for accuracy in SLACKS {
-            let centred = problem.maximize_slack(first, accuracy, self.deadline);
-            let slope = problem.slope().filter(|slope| *slope > 0.0)?;
-            let lowest = log - (problem.slack() + problem.accuracy()) / slope;
+            let centred = problem.maximize_slack(first, accuracy, deadline);
+            let Some(slope) = problem.slope().filter(|slope| *slope > 0.0) else { return false };
             let next = log - (problem.slack() + 0.5 * problem.accuracy()) / slope;
-            eprintln!("   level {:.5} slack {:.3e} acc {:.1e} slope {slope:.4} next {:.5} centred {centred}", log.exp(), problem.slack(), problem.accuracy(), next.exp());
             if let Some(duals) = problem.duals() {
                 let scale = duals.iter().map(Dual::weight).fold(0.0, f64::max).recip();
-                self.certify_duals(problem.tets(), &duals, scale, lowest.max(log).max(next) + CLOSE, true);
+                self.certify_duals(problem.tets(), &duals, scale, log.max(next) + CLOSE, true);
             }
-            if !centred || next > largest + 0.1 {
-                break;
+            // No level above that of the image can be proved.
+            if !centred || next > largest + CLOSE || !problem.set_level(next) {
+                return false;
             }
-            estimate = Some(next);
-            log = next;
-            first = 10.0 * accuracy;
-            if !problem.set_level(log) {
-                break;
-            }
+            (log, first) = (next, 10.0 * accuracy);
         }
-        estimate
+        true
     }
 }
 
