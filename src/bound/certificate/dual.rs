@@ -50,8 +50,9 @@ impl Dual {
     /// How much must be multiplied to the multipliers of upper bounds so that the trace condition of a level is an equality.
     pub(super) fn stretch(&self, level: Level) -> f64 {
         let [eta, e] = self.determinant;
-        let earned =
-            self.lower.trace() + level.middle * (3.0 * self.volume.determinant().max(0.0).cbrt() + 1.5 * eta * e);
+        // Many more digits than the determinant where T is nearly singular, and as much as the check will find.
+        let mean = self.volume.cholesky().map_or(0.0, |factor| factor.l_dirty().diagonal().product().powi(2).cbrt());
+        let earned = self.lower.trace() + level.middle * (3.0 * mean + 1.5 * eta * e);
         let paid = level.ratio * self.upper.trace()
             + level.trace * self.trace
             + level.root * level.middle * self.cofactor.singular_values().sum();

@@ -197,22 +197,30 @@ impl Moments {
                 return true;
             }
             let total = value - self.weight * self.point.slack;
+            let objective = |point: &Point| Some(self.barrier(point, &self.level)? - self.weight * point.slack);
+            let mut best: Option<(Point, f64)> = None;
             let mut length = 1.0;
-            let mut found = false;
             for _ in 0..HALVINGS {
                 let next = self.point.moved(&step, length);
-                if let Some(next_value) = self.barrier(&next, &self.level)
-                    && next_value - self.weight * next.slack <= total + ARMIJO * length * slope
-                {
-                    (self.point, value, found) = (next, next_value, true);
+                if let Some(reached) = objective(&next).filter(|reached| *reached <= total + ARMIJO * length * slope) {
+                    best = Some((next, reached));
                     break;
                 }
                 length *= 0.5;
             }
-            if !found {
-                // Rounding decides.
-                return -slope < 1.0;
+            // Far from the path, where a whole step is but a doubling of what is too small, longer ones may do.
+            while let Some((_, reached)) = best.as_ref().filter(|_| length >= 1.0 && -slope > 1.0) {
+                length *= 2.0;
+                let next = self.point.moved(&step, length);
+                match objective(&next).filter(|further| further < reached) {
+                    Some(further) => best = Some((next, further)),
+                    None => break,
+                }
             }
+            // Otherwise rounding decides.
+            let Some((next, reached)) = best else { return -slope < 1.0 };
+            value = reached + self.weight * next.slack;
+            self.point = next;
         }
         false
     }

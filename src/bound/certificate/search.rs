@@ -37,6 +37,8 @@ const THRESHOLDS: [f64; 4] = [0.0, 1e-4, 1e-3, 1e-2];
 const ACTIVE: f64 = 1.0 - 1e-3;
 /// Most places where lifted problems are solved.
 const MOST_PLACES: usize = 6;
+/// Most free vertices of a lifted problem to start with: its unknowns are the squares of their coordinates.
+const MOST_FREE: usize = 8;
 /// Numbers of free vertices to which the sets of the lifted problems are grown.
 const GROWTH: [usize; 3] = [4, 6, 8];
 /// Fraction of ln K at which the first level of a lifted problem lies.
@@ -222,31 +224,36 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// The free vertices of active tets, those that share one together, larger K first.
+    /// The free vertices of active tets, those that share one together; where that makes too many, those of the first.
     fn places(&self) -> Vec<Vec<VertexId>> {
         let tets = self.domain.mesh().tets();
         let threshold = ACTIVE * self.measured.summary.max_k;
-        let mut places: Vec<Vec<VertexId>> = Vec::new();
         let mut active: Vec<TetId> = (0..tets.len() as u32).map(TetId).filter(|t| self.k(*t) >= threshold).collect();
         active.sort_by(|a, b| self.k(*b).total_cmp(&self.k(*a)));
+        // Each with the vertices of its first tet, which has the largest K.
+        let mut places: Vec<(Vec<VertexId>, Vec<VertexId>)> = Vec::new();
         for tet in active {
-            let mut place: Vec<VertexId> =
-                tets[tet.index()].into_iter().filter(|v| !self.domain.boundary().contains(*v)).collect();
-            if place.is_empty() {
+            let free = tets[tet.index()].into_iter().filter(|v| !self.domain.boundary().contains(*v));
+            let free: Vec<VertexId> = free.collect();
+            let (mut first, mut all) = (free.clone(), free);
+            if all.is_empty() {
                 continue;
             }
-            // The first place that shares a vertex keeps its rank.
-            let (joined, apart): (Vec<_>, Vec<_>) =
-                places.into_iter().partition(|other| other.iter().any(|v| place.contains(v)));
-            let rank = apart.len();
-            place.extend(joined.into_iter().flatten());
-            place.sort_unstable();
-            place.dedup();
+            let (joined, mut apart): (Vec<_>, Vec<_>) =
+                places.into_iter().partition(|(_, other)| other.iter().any(|v| all.contains(v)));
+            for (index, (other_first, other)) in joined.into_iter().enumerate() {
+                if index == 0 {
+                    first = other_first;
+                }
+                all.extend(other);
+            }
+            all.sort_unstable();
+            all.dedup();
+            apart.push((first, all));
             places = apart;
-            places.insert(rank, place);
         }
         places.truncate(MOST_PLACES);
-        places
+        places.into_iter().map(|(first, all)| if all.len() <= MOST_FREE { all } else { first }).collect()
     }
 
     fn k(&self, tet: TetId) -> f64 {
