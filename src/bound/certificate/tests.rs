@@ -299,16 +299,17 @@ fn oriented() -> (Domain, Vec<Vec3>, Certificate) {
     let (domain, start, _) = cube_corner(3);
     let fixed = domain.boundary().vertex_mask();
     let image = optimize(&domain, &start, fixed, &OptimizeSettings::default(), &mut |_| {}).unwrap().positions;
-    let certificate = search(&domain, &image, MINUTE).unwrap();
-    let reached = measure(&domain, &image).summary.max_k;
-    assert!(certificate.is_oriented(), "{} of {reached}", certificate.level);
+    let free: Vec<VertexId> =
+        (0..image.len() as u32).map(VertexId).filter(|&v| !domain.boundary().contains(v)).collect();
+    let certificate = search::lifted_on(&domain, &image, &free).expect("one free vertex");
+    assert!(certificate.is_oriented());
     (domain, image, certificate)
 }
 
 #[test]
-fn orientation_raises_the_bound_of_a_star() {
-    // The corner star of nine tets, for which a conic solver found 6.240 without orientation on any number of tets around
-    // it, and the best map known has 6.851; here it is closed by a second cone, which can only raise the least K.
+fn a_lifted_problem_bounds_a_star_as_well_as_the_search_without_orientation() {
+    // Its conditions imply those of the search without orientation, so that its level is at least as high but for the
+    // accuracy of both, 2e-4 in ln k. A conic solver found 6.240 on the nine tets alone.
     let (domain, image, certificate) = oriented();
     let mut flat = certificate.clone();
     flat.determinant.clear();
@@ -317,7 +318,7 @@ fn orientation_raises_the_bound_of_a_star() {
     let without = search_on(&domain, &image, certificate.tets.iter().copied().map(TetId).collect(), MINUTE).unwrap();
     assert!(!without.is_oriented());
     let reached = measure(&domain, &image).summary.max_k;
-    assert!(without.level < level && level <= reached, "{} {level} {reached}", without.level);
+    assert!(without.level < level * 1.001 && 6.24 < level && level <= reached, "{} {level} {reached}", without.level);
     let reason = bound(&certificate, &domain, &image).unwrap().reason;
     assert!(reason.starts_with("any orientation-preserving PL map"), "{reason}");
     assert!(bound(&without, &domain, &image).unwrap().reason.starts_with("any PL map"));
