@@ -154,11 +154,11 @@ impl<'a> Checker<'a> {
                     let half = Interval::exactly(0.5);
                     let axis = [0, 1, 2].map(|k| (axis[k] + *determinant * edge[k]) * half);
                     // (h_i x h_j) . axis = - h_i . (axis x h_j).
-                    for k in 0..3 {
+                    for (k, entry) in axis.into_iter().enumerate() {
                         let (next, last) = ((k + 1) % 3, (k + 2) % 3);
                         let (up, down) = (self.slot(row, column, last, next), self.slot(row, column, next, last));
-                        entries[up] = entries[up] + axis[k];
-                        entries[down] = entries[down] - axis[k];
+                        entries[up] = entries[up] + entry;
+                        entries[down] = entries[down] - entry;
                     }
                 }
             }

@@ -174,10 +174,10 @@ impl LiftedTet {
         block.fixed_view_mut::<3, 3>(0, 3).copy_from(&cofactors);
         block.fixed_view_mut::<3, 3>(3, 0).copy_from(&cofactors.transpose());
         let mut bases = [(0, SMatrix::<f64, 6, 6>::zeros()); 11];
-        for index in 0..9 {
+        for (index, (argument, basis)) in bases[..9].iter_mut().enumerate() {
             let (row, column) = (index / 3, 3 + index % 3);
-            bases[index].0 = 6 + index;
-            (bases[index].1[(row, column)], bases[index].1[(column, row)]) = (1.0, 1.0);
+            *argument = 6 + index;
+            (basis[(row, column)], basis[(column, row)]) = (1.0, 1.0);
         }
         bases[9] = (SIZE, SMatrix::identity() * root);
         bases[10] = (SLACK, -SMatrix::identity());

@@ -104,15 +104,6 @@ pub fn search_on(domain: &Domain, image: &[Vec3], tets: Vec<TetId>, time_limit: 
     search.best
 }
 
-/// The lifted problem of some free vertices only.
-#[cfg(test)]
-pub(super) fn lifted_on(domain: &Domain, image: &[Vec3], free: &[VertexId]) -> Option<Certificate> {
-    let deadline = Instant::now() + Duration::from_secs(60);
-    let mut search = Search { domain, image, measured: &measure(domain, image), deadline, best: None };
-    search.lifted(free, deadline);
-    search.best
-}
-
 struct Search<'a> {
     domain: &'a Domain,
     image: &'a [Vec3],
