@@ -12,8 +12,8 @@ trap 'rm -rf "$dir"' EXIT
 cat > "$dir/table.md" <<'TEXT'
 # Gaps
 
-Made by `tests/gaps.sh`. *Best bound*: the largest one proved for K of all piecewise-linear maps of the mesh with these boundary
-positions, *gap* = max K / best bound. *gram*: what the Gram certificate proves by itself. *Seconds*: those of
+Made by `tests/gaps.sh`. *Best bound*: the largest one proved for K of all orientation-preserving piecewise-linear maps of the
+mesh with these boundary positions, *gap* = max K / best bound. *gram*: what the Gram certificate proves by itself. *Seconds*: those of
 `qcball bounds --certify`, of a clock on a busy machine. Bounds are rounded down, K up, gaps to the nearest.
 
 | mesh | tets | max K | best bound | its name | gram | gap | seconds | what limits K |

@@ -274,6 +274,21 @@ const TAMPERINGS_OF_CERTIFICATE: &[Tampering] = &[
         "certificate",
     ),
     ("a list cut", |f| edit_certificate(f, |c| drop(c["trace"].as_array_mut().unwrap().pop())), "certificate"),
+    (
+        "a negative multiplier of determinants",
+        |f| edit_certificate(f, |c| c["determinant"] = json!(vec![[-1e-9, 1.0]; c["tets"].as_array().unwrap().len()])),
+        "certificate",
+    ),
+    (
+        "a multiplier of determinants without its tangent",
+        |f| edit_certificate(f, |c| c["determinant"] = json!(vec![[1e-9, 0.0]; c["tets"].as_array().unwrap().len()])),
+        "certificate",
+    ),
+    (
+        "a multiplier of cofactors enlarged",
+        |f| edit_certificate(f, |c| c["cofactor"] = json!(vec![[[1.0; 9]; 2]; c["tets"].as_array().unwrap().len()])),
+        "certificate",
+    ),
     ("the file removed", |f| fs::remove_file(f.join("certificate.json")).unwrap(), "bounds"),
     ("the file cut short", |f| edit_text(f, "certificate.json", |text| text[..text.len() / 2].into()), "certificate"),
     (

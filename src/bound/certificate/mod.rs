@@ -1,41 +1,67 @@
 //! The Gram certificate (bounds.md B6): a bound for the mesh with its boundary fixed that anybody can check.
 //!
-//! **What holds.** Let J be the Jacobian of a piecewise-linear map on a tet and `G = J^T J` its Gram matrix, the entries of
-//! which are quadratic in the vertices' positions. If the tet has K <= k, then with `c = 1 + k^(2/3) + k^(4/3)` and some
-//! tau > 0
+//! **What holds.** Let A be the Jacobian of a piecewise-linear map on a tet, `s1 >= s2 >= s3 > 0` its singular values and
+//! `d = det A > 0`. The entries of the Gram matrix `G = A^T A` and of the cofactors `C = d A^-T` are quadratic in the
+//! vertices' positions, and so is d itself if at most two vertices are free. With `delta = d^(2/3)` and
+//! `c = 1 + k^(2/3) + k^(4/3)`, K <= k implies
 //!
 //! ```text
-//! tau I <= G <= k^(4/3) tau I        tr G <= c tau
+//! k^(-2/3) delta I <= G <= k^(2/3) delta I        tr G <= c k^(-2/3) delta        |C| <= k^(1/3) delta
 //! ```
 //!
-//! (with tau the square of the least singular value: relative to it, K <= k bounds the squares of the others by k^(4/3) and
-//! their sum by k^(2/3) + k^(4/3)).
+//! `K_O = s1^3 / d <= k` is `s1^2 <= k^(2/3) delta`, and `K_I = d / s3^3 <= k` is `delta <= k^(2/3) s3^2`, from which the
+//! spectral norm of C, `s1 s2 = d / s3`, is at most `k^(1/3) delta`. For the trace let `l_i = ln s_i - ln d / 3`: they lie in the hexagon of
+//! sum 0 and `|l_i| <= a = ln k / 3`, on which the convex sum of `exp(2 l_i)` is largest at a vertex `(a, 0, -a)`.
 //!
-//! **Certificate.** A number k and for each tet of a sub-complex positive semidefinite S, R and rho >= 0 with
-//! `tr S >= k^(4/3) tr R + c rho`. Let `M = S - R - rho I`. If the quadratic function of the free vertices
+//! **Certificate.** A number k and for each tet of a sub-complex positive semidefinite S, T and R, any W, and rho, eta, e >= 0
+//! with eta = 0 if more than two vertices of the tet are free and e > 0 if eta is not zero, such that
 //!
 //! ```text
-//! Q = sum over the tets of <M, G>
+//! tr S + k^(2/3) (3 (det T)^(1/3) + 3/2 eta e) >= k^(4/3) tr R + c rho + k |W|_*
 //! ```
 //!
-//! is strictly concave and its maximum is negative, then **K > k on some tet of the sub-complex, whatever the free vertices
-//! do**: where every tet had K <= k, each `<M, G> >= tau (tr S - k^(4/3) tr R - c rho) >= 0`, and Q >= 0. Orientation and
-//! injectivity are not needed.
+//! with the nuclear norm of W. Let `M = S + T - R - rho I`. If the quadratic function of the free vertices
+//!
+//! ```text
+//! Q = sum over the tets of <M, G> - <W, C> + eta (d + e^3 / 2)
+//! ```
+//!
+//! is strictly concave and its maximum is negative, then **every map that is orientation-preserving on these tets has K > k
+//! on one of them, whatever the free vertices do**. Proof: where all have K <= k,
+//!
+//! ```text
+//! <S, G> >= k^(-2/3) delta tr S            <R, G> <= k^(2/3) delta tr R         rho tr G <= rho c k^(-2/3) delta
+//! <T, G> >= 3 (det T det G)^(1/3) = 3 (det T)^(1/3) delta                       <W, C> <= k^(1/3) delta |W|_*
+//! d + e^3 / 2 >= 3/2 e delta
+//! ```
+//!
+//! (the last two lower bounds by the inequality of arithmetic and geometric means), so that Q is at least the sum of
+//! `k^(-2/3) delta` times the difference of the two sides of the condition, and Q >= 0: a contradiction. Injectivity is not needed. Where
+//! eta = 0 on all tets the same holds with `delta = |d|^(2/3)`, and orientation is not needed either.
 //!
 //! **Check** ([`check()`]). From the mesh, the boundary positions and the certificate alone, with all rounding accounted for:
-//! gradients, Gram matrices, M, Q and its gradient by interval arithmetic; concavity by a sparse Cholesky factorization with
-//! an a-priori bound on its error; the maximum by `max Q <= Q(x) + |grad Q(x)|^2 / (4 lambda)` at an approximate maximiser x,
-//! lambda below the least eigenvalue of minus Q's Hessian / 2.
+//! gradients, Jacobians, the condition, Q and its gradient by interval arithmetic, with `|W|_*` bounded by half the sum of the
+//! squares of X and Y, `W = X Y^T`; concavity by a sparse Cholesky factorization with an a-priori bound on its error; the
+//! maximum by `max Q <= Q(x) + |grad Q(x)|^2 / (4 lambda)` at an approximate maximiser x, lambda below the least eigenvalue
+//! of minus Q's Hessian / 2. W and eta couple the coordinates: two vertices of a tet with gradients g and h of their
+//! barycentric coordinates have the skew block of the vector `(eta A - W) (g x h) / 2`.
 //!
-//! **Search** ([`search()`]). S, R and rho are the Lagrange multipliers of the problem "the least k for which the free vertices
-//! satisfy the conditions above" once vertices may move in more than three coordinates: with enough of them its local
-//! optima are global, and Q is concave there (Burer and Monteiro). It has the sparsity of the mesh, and a logarithmic barrier and
-//! Newton's method solve it on a star of 100 tets in some hundredths of a second. No conic solver is needed.
+//! **Search** ([`search()`]), in two ways.
+//! - *Few free vertices* (`moments`): the moments of the free positions are the unknowns of a convex problem in which G, C
+//!   and d are linear. The largest slack of its conditions is found by a logarithmic barrier and a dense Newton system, and
+//!   the level for which that slack is zero by Newton's method on ln k. The multipliers of the barrier are the certificate.
+//! - *Many* (`path`): with T, W and eta zero, the free vertices may move in more than three coordinates: with enough of them
+//!   local optima are global, and Q is concave there (Burer and Monteiro). It has the sparsity of the mesh, and a logarithmic
+//!   barrier and Newton's method solve it on a star of 100 tets in some hundredths of a second.
 //!
-//! **Limits.** The rank of the lifted problem is relaxed and orientation dropped, so that the best k is below the least K.
+//! **Limits.** The positions' moments are relaxed, and tets with three free vertices know nothing of orientation, so that the
+//! best k is below the least K.
 
 mod check;
+mod dual;
 mod interval;
+mod lifted;
+mod moments;
 mod multipliers;
 mod path;
 mod relaxed;
@@ -75,6 +101,15 @@ pub struct Certificate {
     pub upper: Vec<[f64; 6]>,
     /// rho >= 0, the multiplier of `tr G <= c tau`.
     pub trace: Vec<f64>,
+    /// The factor of T, the multiplier of `delta^3 <= det G`; all zero if the list is empty.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub volume: Vec<[f64; 6]>,
+    /// X and Y, row by row, with `W = X Y^T` the multiplier of `|C| <= k^(1/3) delta`; all zero if the list is empty.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub cofactor: Vec<[[f64; 9]; 2]>,
+    /// eta and e, the multiplier of `delta <= d^(2/3)` and the d^(1/3) at which it is a tangent; all zero if the list is empty.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub determinant: Vec<[f64; 2]>,
 }
 
 impl Certificate {
@@ -85,13 +120,26 @@ impl Certificate {
             lower: multipliers.iter().map(|m| m.lower).collect(),
             upper: multipliers.iter().map(|m| m.upper).collect(),
             trace: multipliers.iter().map(|m| m.trace).collect(),
+            volume: unless_zero(multipliers.iter().map(|m| m.volume).collect()),
+            cofactor: unless_zero(multipliers.iter().map(|m| m.cofactor).collect()),
+            determinant: unless_zero(multipliers.iter().map(|m| m.determinant).collect()),
         }
+    }
+
+    /// Whether the proof speaks of orientation-preserving maps only: eta is not zero on some tet.
+    pub fn is_oriented(&self) -> bool {
+        self.determinant.iter().any(|[eta, _]| *eta != 0.0)
     }
 
     /// The certificate as it stands in `certificate.json`; every number is read back as the same bits.
     pub fn to_json(&self) -> String {
         serde_json::to_string(self).expect("numbers in lists") + "\n"
     }
+}
+
+/// The list, or an empty one if all its entries are zero.
+fn unless_zero<T: Default + PartialEq>(list: Vec<T>) -> Vec<T> {
+    if list.iter().all(|entry| *entry == T::default()) { Vec::new() } else { list }
 }
 
 /// Why a certificate proves nothing of a mesh with its boundary.
@@ -112,9 +160,18 @@ pub enum Rejection {
     /// The sparse factor cannot be held.
     #[error("the sparse factor does not fit in memory")]
     TooLarge,
-    /// rho is negative, or S too small.
-    #[error("tet {tet}: tr S is below k^(4/3) tr R + (1 + k^(2/3) + k^(4/3)) rho, or rho is negative")]
+    /// Multipliers of lower bounds are too small, or one has the wrong sign.
+    #[error(
+        "tet {tet}: the multipliers S, T and eta do not outweigh R, rho and W at this level, or rho, eta or e is negative, or \
+         eta positive without e"
+    )]
     TraceCondition {
+        /// The tet, counted from 0.
+        tet: u32,
+    },
+    /// eta is used where the determinant is not a quadratic function of the free vertices.
+    #[error("tet {tet} has more than two free vertices, so that its eta must be zero")]
+    NotQuadratic {
         /// The tet, counted from 0.
         tet: u32,
     },
@@ -135,10 +192,11 @@ pub enum Rejection {
 /// # Panics
 /// If `image` has fewer positions than the domain has vertices.
 pub fn check(certificate: &Certificate, domain: &Domain, image: &[Vec3]) -> Result<f64, Rejection> {
-    let Certificate { level, tets, lower, upper, trace } = certificate;
+    let Certificate { level, tets, lower, upper, trace, volume, cofactor, determinant } = certificate;
     let malformed = |message: String| Err(Rejection::Malformed(message));
     let (count, in_mesh) = (tets.len(), domain.mesh().tets().len());
-    if [lower.len(), upper.len(), trace.len()] != [count; 3] {
+    let optional = [volume.len(), cofactor.len(), determinant.len()];
+    if [lower.len(), upper.len(), trace.len()] != [count; 3] || optional.iter().any(|&len| len != 0 && len != count) {
         return malformed("its lists must have one entry for each of its tets".into());
     }
     if let Some(pair) = tets.windows(2).find(|pair| pair[0] >= pair[1]) {
@@ -150,12 +208,24 @@ pub fn check(certificate: &Certificate, domain: &Domain, image: &[Vec3]) -> Resu
     if !(*level >= 1.0 && level.is_finite()) {
         return malformed(format!("its level is {level}, but must be finite and at least 1"));
     }
-    if !lower.iter().chain(upper).flatten().chain(trace).all(|number| number.is_finite()) {
+    let factors = lower.iter().chain(upper).chain(volume).flatten();
+    let others = trace.iter().chain(cofactor.iter().flatten().flatten()).chain(determinant.iter().flatten());
+    if !factors.chain(others).all(|number| number.is_finite()) {
         return malformed("a multiplier is not a finite number".into());
     }
-    let multipliers: Vec<Multipliers> =
-        (0..count).map(|i| Multipliers { lower: lower[i], upper: upper[i], trace: trace[i] }).collect();
-    Checker::new(domain, tets.iter().map(|&tet| TetId(tet)).collect())?.check(*level, &multipliers, image)?;
+    let multipliers: Vec<Multipliers> = (0..count)
+        .map(|i| Multipliers {
+            lower: lower[i],
+            upper: upper[i],
+            trace: trace[i],
+            volume: volume.get(i).copied().unwrap_or_default(),
+            cofactor: cofactor.get(i).copied().unwrap_or_default(),
+            determinant: determinant.get(i).copied().unwrap_or_default(),
+        })
+        .collect();
+    let coupled = multipliers.iter().any(Multipliers::couples_coordinates);
+    let tets = tets.iter().map(|&tet| TetId(tet)).collect();
+    Checker::new(domain, tets, coupled)?.check(*level, &multipliers, image)?;
     Ok(*level)
 }
 
@@ -178,9 +248,8 @@ pub fn bound(certificate: &Certificate, domain: &Domain, image: &[Vec3]) -> Resu
     let vertices = (0..).map(VertexId).zip(weights);
     let (centre, _) = vertices.reduce(|a, b| if b.1 > a.1 { b } else { a }).ok_or(Rejection::NothingFree)?;
     let place = Place::vertex(domain.mesh(), centre);
-    let reason = format!(
-        "any PL map of this mesh with these boundary positions; certificate on {} tets",
-        certificate.tets.len()
-    );
+    let maps = if certificate.is_oriented() { "any orientation-preserving PL map" } else { "any PL map" };
+    let reason =
+        format!("{maps} of this mesh with these boundary positions; certificate on {} tets", certificate.tets.len());
     Ok(LowerBound::of_mesh("gram", "bounds.md B6", Kind::K, value, place, reason))
 }

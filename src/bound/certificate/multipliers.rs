@@ -1,80 +1,148 @@
-//! The multipliers of one tet: how they come from a barrier, and the trace condition, rounded to the safe side.
+//! The multipliers of one tet: how they come from a search, and the trace condition, rounded to the safe side.
 
+use super::dual::{Dual, Level};
 use super::interval::{Interval, dot};
-use super::relaxed::{Barrier, Level};
-use crate::mesh::{Mat3, Vec3};
+use crate::mesh::Mat3;
 
-/// The multipliers of one tet; S and R as their Cholesky factors, so that nothing has to be shown of them.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// The multipliers of one tet; S, T and R as their Cholesky factors and W as a product, so that nothing has to be shown of
+/// them.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Multipliers {
     /// The lower triangle of L with `S = L L^T`: `[L11, L21, L22, L31, L32, L33]`.
     pub(super) lower: [f64; 6],
+    /// The same for T.
+    pub(super) volume: [f64; 6],
     /// The same for R.
     pub(super) upper: [f64; 6],
     /// rho.
     pub(super) trace: f64,
+    /// X and Y with `W = X Y^T`, row by row.
+    pub(super) cofactor: [[f64; 9]; 2],
+    /// eta and e.
+    pub(super) determinant: [f64; 2],
 }
 
 impl Multipliers {
-    /// The multipliers of a barrier times `scale`, R and rho stretched so that they pass the trace condition of `level` with
-    /// little to spare.
-    pub(super) fn of(barrier: &Barrier, level: Level, scale: f64) -> Self {
+    /// The multipliers that were found times `scale`, R, rho and W stretched so that they pass the trace condition of
+    /// `level` with little to spare.
+    pub(super) fn of(dual: &Dual, level: Level, scale: f64) -> Self {
         /// Left for the rounding of the traces and factors.
         const SPARE: f64 = 1e-13;
-        let factor = |eigenvalues: &Vec3, scale: f64| -> [f64; 6] {
-            let matrix = barrier.axes * Mat3::from_diagonal(&(eigenvalues * scale)) * barrier.axes.transpose();
+        let factor = |matrix: Mat3| -> [f64; 6] {
             // Where rounding makes a huge ratio of eigenvalues indefinite, nothing is a multiplier, too.
             matrix.cholesky().map_or([0.0; 6], |factor| {
                 let l = factor.l();
                 [l[(0, 0)], l[(1, 0)], l[(1, 1)], l[(2, 0)], l[(2, 1)], l[(2, 2)]]
             })
         };
-        let paid = level.ratio * barrier.upper.sum() + level.trace * barrier.trace;
-        let stretch = (1.0 - SPARE) * barrier.lower.sum() / paid;
+        let stretch = (1.0 - SPARE) * dual.stretch(level) * scale;
+        let mut cofactor = [[0.0; 9]; 2];
+        let svd = dual.cofactor.svd(true, true);
+        if let (Some(u), Some(v_t)) = (svd.u, svd.v_t) {
+            for (index, (row, column)) in (0..9).map(|index| (index, (index / 3, index % 3))) {
+                let root = (svd.singular_values[column] * stretch).sqrt();
+                cofactor[0][index] = u[(row, column)] * root;
+                cofactor[1][index] = v_t[(column, row)] * root;
+            }
+        }
+        let [eta, e] = dual.determinant;
         Self {
-            lower: factor(&barrier.lower, scale),
-            upper: factor(&barrier.upper, scale * stretch),
-            trace: barrier.trace * scale * stretch,
+            lower: factor(dual.lower * scale),
+            volume: factor(dual.volume * scale),
+            upper: factor(dual.upper * stretch),
+            trace: dual.trace * stretch,
+            cofactor,
+            determinant: [eta * scale, e],
         }
     }
 
-    /// Whether `tr S >= k^(4/3) tr R + (1 + k^(2/3) + k^(4/3)) rho`, rho >= 0, all rounded to the safe side.
-    pub(super) fn satisfy_the_trace_condition(&self, level: f64) -> bool {
-        let root = cube_root_above(level);
-        let square = root * root;
-        let trace = |factor: &[f64; 6]| {
-            factor.iter().map(|&entry| Interval::exactly(entry)).fold(Interval::ZERO, |sum, entry| sum + entry * entry)
-        };
-        let (ratio, constant) = (square * square, Interval::exactly(1.0) + square + square * square);
-        let paid = ratio * trace(&self.upper) + constant * Interval::exactly(self.trace);
-        self.trace >= 0.0 && trace(&self.lower).lower >= paid.upper
+    /// Whether eta is not zero: the determinant, and so the orientation, is used.
+    pub(super) fn is_oriented(&self) -> bool {
+        self.determinant[0] != 0.0
     }
 
-    /// `M = S - R - rho I`, enclosed.
+    /// Whether Q couples the coordinates.
+    pub(super) fn couples_coordinates(&self) -> bool {
+        self.is_oriented() || self.cofactor.iter().any(|factor| factor.iter().any(|&entry| entry != 0.0))
+    }
+
+    /// Whether `tr S + k^(2/3) (3 (det T)^(1/3) + 1.5 eta e) >= k^(4/3) tr R + c rho + k |W|_*` and rho, eta, e >= 0, all
+    /// rounded to the safe side. The nuclear norm of `W = X Y^T` is at most half the sum of the squares of all entries of X
+    /// and Y.
+    pub(super) fn satisfy_the_trace_condition(&self, level: f64) -> bool {
+        let root = Interval { lower: cube_root_below(level), upper: cube_root_above(level) };
+        let square = root * root;
+        let squares = |entries: &[f64]| {
+            let squares = entries.iter().map(|&entry| Interval::exactly(entry) * Interval::exactly(entry));
+            squares.fold(Interval::ZERO, |sum, square| sum + square)
+        };
+        let [l11, _, l22, _, _, l33] = self.volume.map(Interval::exactly);
+        let product = l11 * l22 * l33;
+        let mean = Interval::exactly(cube_root_below((product * product).lower.max(0.0)));
+        let [eta, e] = self.determinant;
+        let tangent = Interval::exactly(1.5) * Interval::exactly(eta) * Interval::exactly(e);
+        let earned = squares(&self.lower) + square * (Interval::exactly(3.0) * mean + tangent);
+        let norm = Interval::exactly(0.5) * (squares(&self.cofactor[0]) + squares(&self.cofactor[1]));
+        let constant = Interval::exactly(1.0) + square + square * square;
+        let paid =
+            square * square * squares(&self.upper) + constant * Interval::exactly(self.trace) + square * root * norm;
+        let signs = self.trace >= 0.0 && eta >= 0.0 && (e > 0.0 || (eta == 0.0 && e == 0.0));
+        signs && earned.lower >= paid.upper
+    }
+
+    /// `M = S + T - R - rho I`, enclosed.
     pub(super) fn form(&self) -> [[Interval; 3]; 3] {
         let square = |factor: &[f64; 6]| {
             let f = factor.map(Interval::exactly);
             let rows = [[f[0], Interval::ZERO, Interval::ZERO], [f[1], f[2], Interval::ZERO], [f[3], f[4], f[5]]];
             rows.map(|row| rows.map(|other| dot(row, other)))
         };
-        let (lower, upper) = (square(&self.lower), square(&self.upper));
+        let (lower, volume, upper) = (square(&self.lower), square(&self.volume), square(&self.upper));
         [0, 1, 2].map(|i| {
             [0, 1, 2].map(|j| {
-                let entry = lower[i][j] - upper[i][j];
+                let entry = lower[i][j] + volume[i][j] - upper[i][j];
                 if i == j { entry - Interval::exactly(self.trace) } else { entry }
             })
         })
     }
+
+    /// W, enclosed.
+    pub(super) fn cofactor_form(&self) -> [[Interval; 3]; 3] {
+        let rows = |factor: &[f64; 9]| [0, 1, 2].map(|i| [0, 1, 2].map(|j| Interval::exactly(factor[3 * i + j])));
+        let (left, right) = (rows(&self.cofactor[0]), rows(&self.cofactor[1]));
+        left.map(|row| right.map(|other| dot(row, other)))
+    }
+
+    /// `eta e^3 / 2`, enclosed.
+    pub(super) fn constant(&self) -> Interval {
+        let [eta, e] = self.determinant.map(Interval::exactly);
+        Interval::exactly(0.5) * eta * e * e * e
+    }
 }
 
-/// An interval whose upper end is at least the cube root of `level`; that is verified, not taken from the library.
-fn cube_root_above(level: f64) -> Interval {
-    let mut root = level.cbrt();
+/// A number at least the cube root; that is verified, not taken from the library.
+fn cube_root_above(value: f64) -> f64 {
+    let mut root = value.cbrt();
     loop {
         let cube = Interval::exactly(root) * Interval::exactly(root) * Interval::exactly(root);
-        if cube.lower >= level || !root.is_finite() {
-            return Interval::exactly(root);
+        if cube.lower >= value || !root.is_finite() {
+            return root;
         }
         root = root.next_up();
+    }
+}
+
+/// A number at most the cube root of a number that is not negative, and not negative.
+fn cube_root_below(value: f64) -> f64 {
+    let mut root = value.cbrt();
+    loop {
+        let cube = Interval::exactly(root) * Interval::exactly(root) * Interval::exactly(root);
+        if cube.upper <= value {
+            return root;
+        }
+        if root.is_nan() || root <= f64::MIN_POSITIVE {
+            return 0.0;
+        }
+        root = root.next_down();
     }
 }

@@ -5,7 +5,8 @@ use std::time::Instant;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{RngCore, SeedableRng};
 
-use super::relaxed::{Barrier, Block, COORDINATES, Level, Position};
+use super::dual::Level;
+use super::relaxed::{Barrier, Block, COORDINATES, Position};
 use crate::domain::Domain;
 use crate::linalg::BlockCholesky;
 use crate::mesh::{TetId, Vec3, VertexId};

@@ -2,6 +2,7 @@
 
 use nalgebra::{SMatrix, SVector, SymmetricEigen};
 
+use super::dual::{Dual, Level};
 use crate::mesh::{Mat3, Vec3};
 
 /// Number of coordinates that free vertices may use in the relaxed problem: the three of space and a few more.
@@ -10,31 +11,6 @@ pub(super) const COORDINATES: usize = 6;
 pub(super) type Position = SVector<f64, COORDINATES>;
 /// A block of its Hessian.
 pub(super) type Block = SMatrix<f64, COORDINATES, COORDINATES>;
-
-/// What the level k asks of the eigenvalues of a Gram matrix, as functions of ln k.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Level {
-    /// `k^(2/3)`.
-    middle: f64,
-    /// `k^(4/3)`, the largest ratio of eigenvalues.
-    pub(super) ratio: f64,
-    /// `c = 1 + k^(2/3) + k^(4/3)`, the largest ratio of trace and smallest eigenvalue.
-    pub(super) trace: f64,
-}
-
-impl Level {
-    pub(super) fn new(log: f64) -> Self {
-        let middle = (2.0 / 3.0 * log).exp();
-        Self { middle, ratio: middle * middle, trace: 1.0 + middle + middle * middle }
-    }
-
-    /// First and second derivative of `ratio` and of `trace` by ln k.
-    fn derivatives(self) -> [[f64; 2]; 2] {
-        let by = |power: i32| [(2.0 / 3.0f64).powi(power) * self.middle, (4.0 / 3.0f64).powi(power) * self.ratio];
-        let ([m1, r1], [m2, r2]) = (by(1), by(2));
-        [[r1, r2], [m1 + r1, m2 + r2]]
-    }
-}
 
 /// The barrier of one tet at a Jacobian J, ln k and the minimising tau:
 /// `-ln det(G - tau I) - ln det(a tau I - G) - ln(c tau - tr G)` with the Gram matrix G = J^T J of the Jacobian,
@@ -97,6 +73,19 @@ impl Barrier {
     /// `k`-free size of the tet's multipliers: `tau tr S`.
     pub(super) fn weight(&self) -> f64 {
         self.tau * self.lower.sum()
+    }
+
+    /// The multipliers in the coordinates of the domain.
+    pub(super) fn dual(&self) -> Dual {
+        let on_axes = |eigenvalues: &Vec3| self.axes * Mat3::from_diagonal(eigenvalues) * self.axes.transpose();
+        Dual {
+            lower: on_axes(&self.lower),
+            volume: Mat3::zeros(),
+            upper: on_axes(&self.upper),
+            trace: self.trace,
+            cofactor: Mat3::zeros(),
+            determinant: [0.0; 2],
+        }
     }
 
     pub(super) fn derivatives(&self) -> Derivatives {

@@ -6,12 +6,14 @@ use rayon::prelude::*;
 
 use super::Certificate;
 use super::check::Checker;
+use super::dual::{Dual, Level};
+use super::moments::{Moments, tets_among};
 use super::multipliers::Multipliers;
 use super::path::{Path, Stage};
-use super::relaxed::{Barrier, Level};
+use super::relaxed::Barrier;
 use crate::domain::Domain;
 use crate::measure::{Measured, measure};
-use crate::mesh::{TetId, Vec3};
+use crate::mesh::{TetId, Vec3, VertexId};
 
 /// Boundary vertices are tried if the largest K at them is at least this fraction of the largest of all.
 const NEAR_LARGEST: f64 = 0.6;
@@ -31,10 +33,23 @@ const FINE: f64 = 1e-6;
 const CLOSE: f64 = 2e-4;
 /// Tets whose weight is below such a fraction of the largest are left out, to see what remains.
 const THRESHOLDS: [f64; 4] = [0.0, 1e-4, 1e-3, 1e-2];
+/// Tets count as active, for the places of lifted problems, if K is at least this fraction of the largest.
+const ACTIVE: f64 = 1.0 - 1e-3;
+/// Most places where lifted problems are solved.
+const MOST_PLACES: usize = 6;
+/// Most free vertices of a lifted problem to start with: its unknowns are the squares of their coordinates.
+const MOST_FREE: usize = 8;
+/// Numbers of free vertices to which the sets of the lifted problems are grown.
+const GROWTH: [usize; 3] = [4, 6, 8];
+/// Fraction of ln K at which the first level of a lifted problem lies.
+const FIRST_FRACTION: f64 = 0.85;
+/// Accuracies of the slacks of the levels that are tried one after another.
+const SLACKS: [f64; 4] = [1e-3, 1e-4, 1e-5, 3e-6];
 
 /// Searches for a certificate for at most `time_limit`; interior entries of `image` are the map started from.
 ///
-/// First the relaxed problem is solved roughly around many boundary vertices, those with the largest K first. Its level is
+/// First lifted problems with orientation are solved around the active tets, with few free vertices, at most for a third of
+/// the time. Then the relaxed problem without orientation is solved roughly around many boundary vertices, those with the largest K first. Its level is
 /// about the bound that a certificate there can prove, and so the best of these places are then solved finely, on more and
 /// more rings of tets as long as that helps. The result depends on nothing but the arguments unless the time runs out.
 ///
@@ -49,6 +64,7 @@ pub fn search(domain: &Domain, image: &[Vec3], time_limit: Duration) -> Option<C
         return None;
     }
     let mut search = Search { domain, image, measured: &measured, deadline: start + time_limit, best: None };
+    search.lifted_problems(start + time_limit / 3);
     let level_around = |star: Vec<TetId>| {
         if start.elapsed() > time_limit / 2 {
             return None;
@@ -149,8 +165,6 @@ impl<'a> Search<'a> {
 
     /// Turns the multipliers at a point of the path into the best certificate they give.
     fn certify(&mut self, path: &Path<'_>) {
-        /// Halvings of the interval between what is proved and the level of the path.
-        const BISECTIONS: usize = 12;
         let mut last = usize::MAX;
         for threshold in THRESHOLDS {
             let (kept, largest) = heavy(path.barriers(), threshold);
@@ -159,30 +173,135 @@ impl<'a> Search<'a> {
             }
             last = kept.len();
             let tets: Vec<TetId> = kept.iter().map(|&index| path.tets()[index]).collect();
-            let Ok(mut checker) = Checker::new(self.domain, tets.clone()) else { continue };
-            let (mut proved, mut open) = (self.best_log(), path.log_level());
-            // What raises the best by nothing is found out by one check.
-            let mut trial = (proved + 0.1 * CLOSE).max(open - 0.2);
-            let mut raised = false;
-            for _ in 0..BISECTIONS {
-                if !(proved < trial && trial < open) {
+            let duals: Vec<Dual> = kept.iter().map(|&index| path.barriers()[index].dual()).collect();
+            self.certify_duals(&tets, &duals, largest.recip(), path.log_level(), false);
+        }
+    }
+
+    /// The highest level below `open` that these multipliers prove, if it is above the best.
+    fn certify_duals(&mut self, tets: &[TetId], duals: &[Dual], scale: f64, mut open: f64, coupled: bool) {
+        /// Halvings of the interval between what is proved and the level of the path.
+        const BISECTIONS: usize = 12;
+        let Ok(mut checker) = Checker::new(self.domain, tets.to_vec(), coupled) else { return };
+        let mut proved = self.best_log();
+        // What raises the best by nothing is found out by one check.
+        let mut trial = (proved + 0.1 * CLOSE).max(open - 0.2);
+        let mut raised = false;
+        for _ in 0..BISECTIONS {
+            if !(proved < trial && trial < open) {
+                break;
+            }
+            let (log, level) = (Level::new(trial), trial.exp());
+            let multipliers: Vec<Multipliers> = duals.iter().map(|dual| Multipliers::of(dual, log, scale)).collect();
+            if checker.check(level, &multipliers, self.image).is_ok() {
+                (proved, raised) = (trial, true);
+                self.best = Some(Certificate::new(level, tets, &multipliers));
+            } else {
+                open = trial;
+                if !raised {
                     break;
                 }
-                let (log, level) = (Level::new(trial), trial.exp());
-                let multipliers: Vec<Multipliers> =
-                    kept.iter().map(|&index| Multipliers::of(&path.barriers()[index], log, largest.recip())).collect();
-                if checker.check(level, &multipliers, self.image).is_ok() {
-                    (proved, raised) = (trial, true);
-                    self.best = Some(Certificate::new(level, &tets, &multipliers));
-                } else {
-                    open = trial;
-                    if !raised {
-                        break;
-                    }
+            }
+            trial = 0.5 * (proved + open);
+        }
+    }
+
+    /// Solves lifted problems around the tets with the largest K, with more and more free vertices.
+    fn lifted_problems(&mut self, deadline: Instant) {
+        for seed in self.places() {
+            let mut last = 0;
+            for size in std::iter::once(seed.len()).chain(GROWTH.into_iter().filter(|&size| size > seed.len())) {
+                let free = self.grown(seed.clone(), size);
+                if free.len() == last || Instant::now() > deadline {
+                    break;
                 }
-                trial = 0.5 * (proved + open);
+                last = free.len();
+                let before = self.best_log();
+                if !self.lifted(&free, deadline) || self.best_log() <= before {
+                    break;
+                }
             }
         }
+    }
+
+    /// The free vertices of active tets, those that share one together; where that makes too many, those of the first.
+    fn places(&self) -> Vec<Vec<VertexId>> {
+        let tets = self.domain.mesh().tets();
+        let threshold = ACTIVE * self.measured.summary.max_k;
+        let mut active: Vec<TetId> = (0..tets.len() as u32).map(TetId).filter(|t| self.k(*t) >= threshold).collect();
+        active.sort_by(|a, b| self.k(*b).total_cmp(&self.k(*a)));
+        // Each with the vertices of its first tet, which has the largest K.
+        let mut places: Vec<(Vec<VertexId>, Vec<VertexId>)> = Vec::new();
+        for tet in active {
+            let free = tets[tet.index()].into_iter().filter(|v| !self.domain.boundary().contains(*v));
+            let free: Vec<VertexId> = free.collect();
+            let (mut first, mut all) = (free.clone(), free);
+            if all.is_empty() {
+                continue;
+            }
+            let (joined, mut apart): (Vec<_>, Vec<_>) =
+                places.into_iter().partition(|(_, other)| other.iter().any(|v| all.contains(v)));
+            for (index, (other_first, other)) in joined.into_iter().enumerate() {
+                if index == 0 {
+                    first = other_first;
+                }
+                all.extend(other);
+            }
+            all.sort_unstable();
+            all.dedup();
+            apart.push((first, all));
+            places = apart;
+        }
+        places.truncate(MOST_PLACES);
+        places.into_iter().map(|(first, all)| if all.len() <= MOST_FREE { all } else { first }).collect()
+    }
+
+    fn k(&self, tet: TetId) -> f64 {
+        self.measured.dilatations[tet.index()].k()
+    }
+
+    /// The set with free vertices added, each time one of the tet with the largest K among those that touch the set and are
+    /// not yet within, until it has `count`; ascending.
+    fn grown(&self, mut set: Vec<VertexId>, count: usize) -> Vec<VertexId> {
+        let tets = self.domain.mesh().tets();
+        let mut order: Vec<TetId> = (0..tets.len() as u32).map(TetId).collect();
+        order.sort_by(|a, b| self.k(*b).total_cmp(&self.k(*a)));
+        while set.len() < count {
+            let outside = |v: &VertexId| !self.domain.boundary().contains(*v) && !set.contains(v);
+            let next = order.iter().find_map(|tet| {
+                let corners = tets[tet.index()];
+                corners.iter().any(|v| set.contains(v)).then(|| corners.into_iter().find(outside)).flatten()
+            });
+            let Some(next) = next else { break };
+            set.push(next);
+        }
+        set.sort_unstable();
+        set
+    }
+
+    /// Solves the lifted problem of some free vertices at levels near the least possible one and turns the multipliers into
+    /// certificates; whether the least level was found.
+    fn lifted(&mut self, free: &[VertexId], deadline: Instant) -> bool {
+        let tets = tets_among(self.domain, free);
+        let largest = tets.iter().map(|tet| self.k(*tet)).fold(1.0, f64::max).ln();
+        let mut log = self.best_log().max(FIRST_FRACTION * largest);
+        let Some(mut problem) = Moments::new(self.domain, self.image, free, log) else { return false };
+        let mut first = 1.0;
+        for accuracy in SLACKS {
+            let centred = problem.maximize_slack(first, accuracy, deadline);
+            let Some(slope) = problem.slope().filter(|slope| *slope > 0.0) else { return false };
+            let next = log - (problem.slack() + 0.5 * problem.accuracy()) / slope;
+            if let Some(duals) = problem.duals() {
+                let scale = duals.iter().map(Dual::weight).fold(0.0, f64::max).recip();
+                self.certify_duals(problem.tets(), &duals, scale, log.max(next) + CLOSE, true);
+            }
+            // No level above that of the image can be proved.
+            if !centred || next > largest + CLOSE || !problem.set_level(next) {
+                return false;
+            }
+            (log, first) = (next, 10.0 * accuracy);
+        }
+        true
     }
 }
 

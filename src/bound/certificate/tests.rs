@@ -1,6 +1,8 @@
 use std::time::Duration;
 
+use super::dual::{Dual, Level};
 use super::*;
+use crate::dilatation::Dilatation;
 use crate::map::{RadialCoordinates, caraman};
 use crate::measure::measure;
 use crate::mesh::{Mat3, TetMesh};
@@ -162,6 +164,7 @@ fn tampering_is_rejected() {
         Rejection::Malformed(_) => "malformed",
         Rejection::TraceCondition { .. } => "trace",
         Rejection::NotConcave | Rejection::NotNegative => "form",
+        Rejection::NotQuadratic { .. } => "cubic",
         Rejection::NothingFree | Rejection::Degenerate { .. } | Rejection::TooLarge => "other",
     };
     type Change<'a> = &'a dyn Fn(&mut Certificate);
@@ -218,4 +221,115 @@ fn tampering_is_rejected() {
     one.trace.truncate(1);
     assert_eq!(check(&one, &single, single.mesh().points()), Err(Rejection::NothingFree));
     assert_eq!(search(&single, single.mesh().points(), MINUTE), None);
+}
+
+/// In [-1, 1], from a sequence of its own.
+struct Numbers(rand_chacha::ChaCha8Rng);
+
+impl Numbers {
+    fn new(seed: u64) -> Self {
+        Self(rand_chacha::rand_core::SeedableRng::seed_from_u64(seed))
+    }
+
+    fn next(&mut self) -> f64 {
+        f64::from(rand_chacha::rand_core::RngCore::next_u32(&mut self.0)) / f64::from(u32::MAX) * 2.0 - 1.0
+    }
+
+    fn matrix(&mut self) -> Mat3 {
+        Mat3::from_fn(|_, _| self.next())
+    }
+}
+
+#[test]
+fn the_form_is_not_negative_where_the_level_is_kept() {
+    let mut numbers = Numbers::new(3);
+    let mut least: f64 = f64::INFINITY;
+    for case in 0..10_000 {
+        let mut a = numbers.matrix();
+        if a.determinant() < 0.0 {
+            a.swap_columns(0, 1);
+        }
+        let d = a.determinant();
+        if d < 1e-3 {
+            continue;
+        }
+        let k = Dilatation::of(&a).k() * (1.0 + 1e-12);
+        let (gram, cofactors) = (a.transpose() * a, a.try_inverse().unwrap().transpose() * d);
+        let mut square = || {
+            let root = numbers.matrix() + Mat3::identity() * 1e-3;
+            root * root.transpose()
+        };
+        let (mut lower, mut volume, mut upper) = (square(), square(), square());
+        let (mut w, trace) = (numbers.matrix(), numbers.next().abs());
+        let mut determinant = [numbers.next().abs(), 0.1 + numbers.next().abs()];
+        if case % 2 == 0 {
+            // Multipliers on the singular vectors, with which all estimates but some of those by K are equalities.
+            let svd = a.svd(true, true);
+            let (u, v) = (svd.u.unwrap(), svd.v_t.unwrap().transpose());
+            let along = |matrix: &Mat3, i: usize| matrix.column(i) * matrix.column(i).transpose();
+            let little = Mat3::identity() * 1e-9;
+            (lower, upper) = (along(&v, 2) + little, along(&v, 0) + little);
+            volume = gram.try_inverse().unwrap();
+            w = u.column(2)
+                * v.column(2).transpose()
+                * (cofactors.transpose() * u.column(2)).dot(&v.column(2)).signum();
+            determinant[1] = d.cbrt();
+        }
+        let weight = (numbers.next() + 1.0) * f64::from(case % 3);
+        determinant[0] *= weight;
+        let dual = Dual { lower, volume: volume * weight, upper, trace, cofactor: w, determinant };
+        let multipliers = Multipliers::of(&dual, Level::new(k.ln()), 1.0);
+        assert!(multipliers.satisfy_the_trace_condition(k), "{case}");
+        let (form, w) = (multipliers.form(), multipliers.cofactor_form());
+        let mut terms = vec![multipliers.determinant[0] * d, multipliers.constant().middle()];
+        for (i, j) in (0..9).map(|index| (index / 3, index % 3)) {
+            terms.extend([form[i][j].middle() * gram[(i, j)], -w[i][j].middle() * cofactors[(i, j)]]);
+        }
+        let (q, size) = (terms.iter().sum::<f64>(), terms.iter().map(|term| term.abs()).sum::<f64>());
+        // Rounding: 1e-16 times the condition of A, 1e4 at most, and the level's own 1e-12.
+        assert!(q >= -1e-10 * size, "{case}: {q} of {size}");
+        least = least.min(q / size);
+    }
+    // Blunt if none comes near zero.
+    assert!(least < 1e-2, "{least}");
+}
+
+#[test]
+fn tampering_with_orientation_is_rejected() {
+    let (domain, image, tets) = cube_corner(12);
+    let good = search_on(&domain, &image, tets, MINUTE).unwrap();
+    assert!(!good.is_oriented());
+    let count = good.tets.len();
+    let free = |tet: &u32| {
+        let corners = domain.mesh().tets()[*tet as usize];
+        corners.into_iter().filter(|&v| !domain.boundary().contains(v)).count()
+    };
+    let with = |eta: f64, e: f64| {
+        let mut changed = good.clone();
+        changed.determinant = vec![[0.0; 2]; count];
+        let place = good.tets.iter().position(|tet| free(tet) < 3).expect("a tet at the rim");
+        changed.determinant[place] = [eta, e];
+        check(&changed, &domain, &image)
+    };
+    assert_eq!(with(0.0, 0.0), Ok(good.level));
+    for (eta, e) in [(-1e-9, 1.0), (1e-9, -1.0), (1e-9, 0.0), (0.0, -1.0)] {
+        assert!(matches!(with(eta, e), Err(Rejection::TraceCondition { .. })), "{eta} {e}");
+    }
+    assert!(matches!(with(f64::NAN, 1.0), Err(Rejection::Malformed(_))));
+    // The constant grows with e, so that the maximum is not negative any more.
+    assert_eq!(with(1.0, 1e3), Err(Rejection::NotNegative));
+    let mut bad = good.clone();
+    bad.cofactor = vec![[[1e-3; 9]; 2]; count];
+    assert!(matches!(check(&bad, &domain, &image), Err(Rejection::TraceCondition { .. })));
+    bad.cofactor.truncate(1);
+    assert!(matches!(check(&bad, &domain, &image), Err(Rejection::Malformed(_))));
+    // A determinant of three free vertices is cubic.
+    let cubic = (0..).find(|tet| free(tet) == 3).expect("a triangle inside the face");
+    let mut bad = good.clone();
+    (bad.tets, bad.determinant) = (vec![cubic], vec![[1e-9, 1.0]]);
+    bad.lower.truncate(1);
+    bad.upper.truncate(1);
+    bad.trace.truncate(1);
+    bad.cofactor.clear();
+    assert_eq!(check(&bad, &domain, &image), Err(Rejection::NotQuadratic { tet: cubic }));
 }
