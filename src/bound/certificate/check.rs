@@ -15,10 +15,11 @@ type Matrix = [[Interval; 3]; 3];
 /// A sub-complex prepared for checks at several levels and with several multipliers.
 pub(super) struct Checker<'a> {
     domain: &'a Domain,
+    region: Region,
     tets: Vec<TetId>,
     /// Gradients of the barycentric coordinates of each tet.
     gradients: Vec<[[Interval; 3]; 4]>,
-    /// The unknown of each vertex of each tet; none for vertices of the boundary.
+    /// The unknown of each vertex of each tet; none for vertices of the boundary and the held one.
     unknowns: Vec<[Option<u32>; 4]>,
     /// The free vertices, by unknown.
     free: Vec<VertexId>,
@@ -29,6 +30,36 @@ pub(super) struct Checker<'a> {
     starts: Vec<usize>,
     rows: Vec<u32>,
     factor: BlockCholesky,
+}
+
+/// The maps that a check speaks of.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Region {
+    /// All with the boundary positions.
+    Whole,
+    /// Those that send a free vertex beyond a wall.
+    Beyond(Wall),
+    /// Those that send it into a box, the lowest and highest corner of which are given.
+    Inside(VertexId, [Vec3; 2]),
+}
+
+/// The half-space `outwards * (x_axis - bound) >= 0` for the image of a free vertex.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Wall {
+    pub(super) vertex: VertexId,
+    pub(super) axis: usize,
+    pub(super) bound: f64,
+    /// 1 or -1.
+    pub(super) outwards: f64,
+    /// The multiplier of the condition, >= 0.
+    pub(super) push: f64,
+}
+
+impl Region {
+    /// The vertex that takes the places of the box's corners instead of being free.
+    pub(super) fn held(&self) -> Option<VertexId> {
+        if let Self::Inside(vertex, _) = self { Some(*vertex) } else { None }
+    }
 }
 
 /// The quadratic function of one tet: `<M, G> - <W, C> + eta d` and a constant.
@@ -53,14 +84,15 @@ impl<'a> Checker<'a> {
     ///
     /// # Errors
     /// A tet too flat for interval arithmetic; a system that cannot be held.
-    pub(super) fn new(domain: &'a Domain, tets: Vec<TetId>, coupled: bool) -> Result<Self, Rejection> {
+    pub(super) fn new(domain: &'a Domain, tets: Vec<TetId>, coupled: bool, region: Region) -> Result<Self, Rejection> {
         let mesh = domain.mesh();
         let gradients = tets
             .iter()
             .map(|&tet| gradients(mesh.corners(tet)).ok_or(Rejection::Degenerate { tet: tet.0 }))
             .collect::<Result<_, _>>()?;
         let vertices = tets.iter().flat_map(|tet| mesh.tets()[tet.index()]);
-        let mut free: Vec<VertexId> = vertices.filter(|&v| !domain.boundary().contains(v)).collect();
+        let mut free: Vec<VertexId> =
+            vertices.filter(|&v| !domain.boundary().contains(v) && region.held() != Some(v)).collect();
         free.sort_unstable();
         free.dedup();
         if free.is_empty() {
@@ -73,10 +105,22 @@ impl<'a> Checker<'a> {
         let size = if coupled { 3 } else { 1 };
         let factor = BlockCholesky::with_block_size(size, free.len(), &edges).map_err(|_| Rejection::TooLarge)?;
         let (starts, rows) = (factor.column_starts().to_vec(), factor.rows().to_vec());
-        Ok(Self { domain, tets, gradients, unknowns, free, size, starts, rows, factor })
+        Ok(Self { domain, region, tets, gradients, unknowns, free, size, starts, rows, factor })
     }
 
-    /// Whether the multipliers, one a tet, prove K > `level` for every choice of the free vertices.
+    /// Sets the multiplier of the region's wall.
+    pub(super) fn set_push(&mut self, push: f64) {
+        if let Region::Beyond(wall) = &mut self.region {
+            wall.push = push;
+        }
+    }
+
+    /// Whether the multipliers, one a tet, prove K > `level` for every choice of the free vertices in the region.
+    ///
+    /// In a box the vertex h takes the place of each corner in turn. With the other vertices fixed, C and d are affine in its
+    /// position x, and the Gram matrices contribute `a |x|^2` with `a = sum over its tets of g^T M g`, g the gradient of its
+    /// barycentric coordinate. Written with the weights of the corners of a box of half widths b, `|x|^2` falls short of the
+    /// corners' mean by at most `|b|^2`, so that Q at x is at most the largest Q at a corner plus `max(0, -a) |b|^2`.
     ///
     /// # Errors
     /// The first condition that could not be verified.
@@ -94,14 +138,46 @@ impl<'a> Checker<'a> {
             self.size == 3 || forms.iter().all(|form| form.oriented.is_none()),
             "coupled forms need blocks of three"
         );
-        let (scale, smallest) = self.factorize(&forms, image)?;
+        let largest = match self.region {
+            Region::Whole | Region::Beyond(_) => self.maximum(&forms, image)?,
+            Region::Inside(vertex, [low, high]) => {
+                let mut image = image.to_vec();
+                let mut largest = f64::NEG_INFINITY;
+                for corner in 0..8 {
+                    image[vertex.index()] = corner_of_box([low, high], corner);
+                    largest = largest.max(self.maximum(&forms, &image)?);
+                }
+                let half_widths = difference(high, low).map(|width| width * Interval::exactly(0.5));
+                let curvature = self.curvature(&forms, vertex);
+                let loss = Interval::exactly((-curvature.lower).max(0.0)) * dot(half_widths, half_widths);
+                (Interval::exactly(largest) + loss).upper
+            }
+        };
+        if largest < 0.0 { Ok(()) } else { Err(Rejection::NotNegative) }
+    }
+
+    /// The coefficient of the square of a vertex's position in Q.
+    fn curvature(&self, forms: &[Form], vertex: VertexId) -> Interval {
+        let mut sum = Interval::ZERO;
+        for ((form, gradients), tet) in forms.iter().zip(&self.gradients).zip(&self.tets) {
+            let corners = self.domain.mesh().tets()[tet.index()];
+            for (_, &gradient) in corners.iter().zip(gradients).filter(|(corner, _)| **corner == vertex) {
+                sum = sum + dot(form.gram.map(|row| dot(row, gradient)), gradient);
+            }
+        }
+        sum
+    }
+
+    /// A number at least the maximum of Q over the free vertices.
+    fn maximum(&mut self, forms: &[Form], image: &[Vec3]) -> Result<f64, Rejection> {
+        let (scale, smallest) = self.factorize(forms, image)?;
         let fixed = |v: VertexId| self.domain.boundary().contains(v).then(|| image[v.index()]);
         let corners = self.tets.iter().flat_map(|tet| self.domain.mesh().tets()[tet.index()]);
         let Some(any) = corners.into_iter().find_map(fixed) else { return Err(Rejection::NotConcave) };
         let mut positions = image.to_vec();
         self.free.iter().for_each(|v| positions[v.index()] = any);
         for _ in 0..REFINEMENTS {
-            let (_, gradient) = self.evaluate(&forms, &positions);
+            let (_, gradient) = self.evaluate(forms, &positions);
             for first in (0..3).step_by(self.size) {
                 let coordinates = first..first + self.size;
                 let slopes = |(g, scale): (&[Interval; 3], &f64)| {
@@ -117,14 +193,14 @@ impl<'a> Checker<'a> {
                 }
             }
         }
-        let (mut largest, gradient) = self.evaluate(&forms, &positions);
+        let (mut largest, gradient) = self.evaluate(forms, &positions);
         // max over d of r . d - d^T (-Lambda22) d <= |D r|^2 / (4 smallest eigenvalue of D (-Lambda22) D).
         let quarter = Interval::exactly(4.0 * smallest).reciprocal().ok_or(Rejection::NotConcave)?;
         for (gradient, &scale) in gradient.iter().zip(&scale) {
             let scaled = gradient.map(|g| g * Interval::exactly(scale));
             largest = largest + dot(scaled, scaled) * quarter;
         }
-        if largest.upper < 0.0 { Ok(()) } else { Err(Rejection::NotNegative) }
+        Ok(if largest.upper.is_nan() { f64::INFINITY } else { largest.upper })
     }
 
     /// Factorises `D (-Lambda22) D - s I` with powers of two D, one a vertex, that make the diagonal about 1; returns D and a
@@ -259,6 +335,14 @@ impl<'a> Checker<'a> {
                 }
             }
         }
+        if let Region::Beyond(wall) = self.region
+            && let Ok(unknown) = self.free.binary_search(&wall.vertex)
+        {
+            let slope = Interval::exactly(wall.push) * Interval::exactly(wall.outwards);
+            let place = Interval::exactly(positions[wall.vertex.index()][wall.axis]);
+            value = value + slope * (place - Interval::exactly(wall.bound));
+            gradient[unknown][wall.axis] = gradient[unknown][wall.axis] + slope;
+        }
         (value, gradient)
     }
 
@@ -268,6 +352,11 @@ impl<'a> Checker<'a> {
         let k = self.rows[start..end].binary_search(&row).expect("the pattern holds every pair of vertices of a tet");
         self.size * self.size * start + c * self.size * (end - start) + self.size * k + r
     }
+}
+
+/// One of the eight corners of a box.
+pub(super) fn corner_of_box([low, high]: [Vec3; 2], corner: usize) -> Vec3 {
+    Vec3::from_fn(|axis, _| if corner >> axis & 1 == 0 { low[axis] } else { high[axis] })
 }
 
 /// The pairs (i, j, unknown of i, unknown of j) of free vertices of a tet with the first unknown not below the second.

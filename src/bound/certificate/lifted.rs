@@ -112,6 +112,27 @@ impl LiftedTet {
         Self { moments, map, has_determinant, scale: determinant.cbrt() * size }
     }
 
+    /// The tet as one of a mixture: its figures are the sums of those of the parts, the moments of which follow each other in blocks of
+    /// `block`, less the squared change of the Jacobian along a gradient times the moment of the given number.
+    pub(super) fn mixed(parts: Vec<Self>, block: usize, less: Option<(usize, Vec3)>) -> Self {
+        let (has_determinant, scale) = (parts[0].has_determinant, parts[0].scale);
+        let mut moments = Vec::new();
+        let mut columns: Vec<DVector<f64>> = Vec::new();
+        for (index, part) in parts.iter().enumerate() {
+            moments.extend(part.moments.iter().map(|place| place + index * block));
+            columns.extend(part.map.column_iter().map(|column| column.into_owned()));
+        }
+        if let Some((place, gradient)) = less {
+            moments.push(place);
+            let mut column = DVector::zeros(FIGURES);
+            for (entry, (i, j)) in ENTRIES.into_iter().enumerate() {
+                column[entry] = -gradient[i] * gradient[j];
+            }
+            columns.push(column);
+        }
+        Self { moments, map: DMatrix::from_columns(&columns), has_determinant, scale }
+    }
+
     /// Number of terms of its barrier, the parameter that the accuracy of a centred point is counted by.
     pub(super) const TERMS: usize = 16;
 

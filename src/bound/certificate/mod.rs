@@ -39,6 +39,12 @@
 //! `k^(-2/3) delta` times the difference of the two sides of the condition, and Q >= 0: a contradiction. Injectivity is not needed. Where
 //! eta = 0 on all tets the same holds with `delta = |d|^(2/3)`, and orientation is not needed either.
 //!
+//! **Split by a box.** Tets with three free vertices know nothing of orientation. Let h be one of these vertices. Every map sends h
+//! into a given box or beyond one of its six walls. Beyond a wall, its distance from the wall times a number >= 0 may be added to Q. In the
+//! box, h takes the places of the eight corners in turn, as if it were fixed, with the same multipliers for all: d of a tet at
+//! h is quadratic in its two other free vertices, and Q has no larger values for h inside the box than at its corners, but for a
+//! term of the second order in the size of the box (`check::Checker::check`).
+//!
 //! **Check** ([`check()`]). From the mesh, the boundary positions and the certificate alone, with all rounding accounted for:
 //! gradients, Jacobians, the condition, Q and its gradient by interval arithmetic, with `|W|_*` bounded by half the sum of the
 //! squares of X and Y, `W = X Y^T`; concavity by a sparse Cholesky factorization with an a-priori bound on its error; the
@@ -49,7 +55,8 @@
 //! **Search** ([`search()`]), in two ways.
 //! - *Few free vertices* (`moments`): the moments of the free positions are the unknowns of a convex problem in which G, C
 //!   and d are linear. The largest slack of its conditions is found by a logarithmic barrier and a dense Newton system, and
-//!   the level for which that slack is zero by Newton's method on ln k. The multipliers of the barrier are the certificate.
+//!   the level for which that slack is zero by Newton's method on ln k. The multipliers of the barrier are the certificate. With
+//!   a box the corners' moments are the unknowns.
 //! - *Many* (`path`): with T, W and eta zero, the free vertices may move in more than three coordinates: with enough of them
 //!   local optima are global, and Q is concave there (Burer and Monteiro). It has the sparsity of the mesh, and a logarithmic
 //!   barrier and Newton's method solve it on a star of 100 tets in some hundredths of a second.
@@ -78,7 +85,7 @@ pub use search::{search, search_on};
 use super::{Kind, LowerBound};
 use crate::domain::Domain;
 use crate::mesh::{Place, TetId, Vec3, VertexId};
-use check::Checker;
+use check::{Checker, Region, Wall};
 use multipliers::Multipliers;
 
 /// The longest search where nothing else is said.
@@ -110,6 +117,33 @@ pub struct Certificate {
     /// eta and e, the multiplier of `delta <= d^(2/3)` and the d^(1/3) at which it is a tangent; all zero if the list is empty.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub determinant: Vec<[f64; 2]>,
+    /// If given, the lists above are a proof only for maps that send a vertex into a box, and those of the other maps are here.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub split: Option<Box<Split>>,
+}
+
+/// A proof split by where one vertex goes: into a box or beyond one of its six walls.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Split {
+    /// The vertex, not on the boundary, counted from 0.
+    pub vertex: u32,
+    /// The lowest coordinates of the box, in those of the image.
+    pub low: [f64; 3],
+    /// The highest.
+    pub high: [f64; 3],
+    /// Proofs for the maps that send the vertex below `low` and above `high` along the first axis, then the second, then the third.
+    pub outside: Vec<Outside>,
+}
+
+/// A proof for the maps that send a vertex beyond a wall.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Outside {
+    /// The multiplier of the distance beyond the wall, >= 0: the distance times it is added to Q.
+    pub push: f64,
+    /// The multipliers of the tets.
+    pub certificate: Certificate,
 }
 
 impl Certificate {
@@ -123,12 +157,14 @@ impl Certificate {
             volume: unless_zero(multipliers.iter().map(|m| m.volume).collect()),
             cofactor: unless_zero(multipliers.iter().map(|m| m.cofactor).collect()),
             determinant: unless_zero(multipliers.iter().map(|m| m.determinant).collect()),
+            split: None,
         }
     }
 
     /// Whether the proof speaks of orientation-preserving maps only: eta is not zero on some tet.
     pub fn is_oriented(&self) -> bool {
-        self.determinant.iter().any(|[eta, _]| *eta != 0.0)
+        let outside = self.split.iter().flat_map(|split| &split.outside);
+        self.determinant.iter().any(|[eta, _]| *eta != 0.0) || outside.into_iter().any(|o| o.certificate.is_oriented())
     }
 
     /// The certificate as it stands in `certificate.json`; every number is read back as the same bits.
@@ -192,7 +228,37 @@ pub enum Rejection {
 /// # Panics
 /// If `image` has fewer positions than the domain has vertices.
 pub fn check(certificate: &Certificate, domain: &Domain, image: &[Vec3]) -> Result<f64, Rejection> {
-    let Certificate { level, tets, lower, upper, trace, volume, cofactor, determinant } = certificate;
+    let Some(split) = &certificate.split else {
+        check_in(Region::Whole, certificate, domain, image)?;
+        return Ok(certificate.level);
+    };
+    let malformed = |message: &str| Err(Rejection::Malformed(message.into()));
+    let Split { vertex, low, high, outside } = &**split;
+    let vertex = VertexId(*vertex);
+    if vertex.index() >= domain.mesh().points().len() || domain.boundary().contains(vertex) {
+        return malformed("the vertex of its box is not one inside the mesh");
+    }
+    if !low.iter().zip(high).all(|(low, high)| low < high && low.is_finite() && high.is_finite()) {
+        return malformed("its box is empty");
+    }
+    if outside.len() != 6 {
+        return malformed("its box needs six proofs for the outside");
+    }
+    check_in(Region::Inside(vertex, [Vec3::from(*low), Vec3::from(*high)]), certificate, domain, image)?;
+    for (side, Outside { push, certificate: part }) in outside.iter().enumerate() {
+        if !(*push >= 0.0 && push.is_finite()) || part.split.is_some() || part.level < certificate.level {
+            return malformed("a proof for the outside has a lower level, a negative multiplier or a box of its own");
+        }
+        let (axis, is_high) = (side / 2, side % 2 == 1);
+        let (bound, outwards) = if is_high { (high[axis], 1.0) } else { (low[axis], -1.0) };
+        check_in(Region::Beyond(Wall { vertex, axis, bound, outwards, push: *push }), part, domain, image)?;
+    }
+    Ok(certificate.level)
+}
+
+/// Checks the multipliers of a certificate for the maps of a region.
+fn check_in(region: Region, certificate: &Certificate, domain: &Domain, image: &[Vec3]) -> Result<(), Rejection> {
+    let Certificate { level, tets, lower, upper, trace, volume, cofactor, determinant, split: _ } = certificate;
     let malformed = |message: String| Err(Rejection::Malformed(message));
     let (count, in_mesh) = (tets.len(), domain.mesh().tets().len());
     let optional = [volume.len(), cofactor.len(), determinant.len()];
@@ -225,8 +291,7 @@ pub fn check(certificate: &Certificate, domain: &Domain, image: &[Vec3]) -> Resu
         .collect();
     let coupled = multipliers.iter().any(Multipliers::couples_coordinates);
     let tets = tets.iter().map(|&tet| TetId(tet)).collect();
-    Checker::new(domain, tets, coupled)?.check(*level, &multipliers, image)?;
-    Ok(*level)
+    Checker::new(domain, tets, coupled, region)?.check(*level, &multipliers, image)
 }
 
 /// The bound that a certificate proves: K > k for every piecewise-linear map of this mesh with these boundary positions. Its
@@ -251,5 +316,5 @@ pub fn bound(certificate: &Certificate, domain: &Domain, image: &[Vec3]) -> Resu
     let maps = if certificate.is_oriented() { "any orientation-preserving PL map" } else { "any PL map" };
     let reason =
         format!("{maps} of this mesh with these boundary positions; certificate on {} tets", certificate.tets.len());
-    Ok(LowerBound::of_mesh("gram", "bounds.md B6", Kind::K, value, place, reason))
+    Ok(LowerBound::of_mesh("gram", "docs of qcball::bound::certificate", Kind::K, value, place, reason))
 }

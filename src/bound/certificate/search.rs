@@ -1,16 +1,17 @@
 //! The search for a certificate: where to look, and how multipliers become one.
 
+use std::cmp::Reverse;
 use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
-use super::Certificate;
-use super::check::Checker;
+use super::check::{Checker, Region, Wall};
 use super::dual::{Dual, Level};
 use super::moments::{Moments, tets_among};
 use super::multipliers::Multipliers;
 use super::path::{Path, Stage};
 use super::relaxed::Barrier;
+use super::{Certificate, Outside, Split};
 use crate::domain::Domain;
 use crate::measure::{Measured, measure};
 use crate::mesh::{TetId, Vec3, VertexId};
@@ -43,6 +44,18 @@ const MOST_FREE: usize = 8;
 const GROWTH: [usize; 3] = [4, 6, 8];
 /// Fraction of ln K at which the first level of a lifted problem lies.
 const FIRST_FRACTION: f64 = 0.85;
+/// Ratio of the largest K and the level found above which proofs are split.
+const WORTH_SPLITTING: f64 = 1.1;
+/// Levels tried with split proofs, as fractions of the way in ln k from the level found to the largest K.
+const SPLIT_FRACTIONS: [f64; 5] = [0.2, 0.3, 0.4, 0.5, 0.6];
+/// Distance of the first walls from the vertex in a box, in lengths of the shortest edge there.
+const FIRST_WALL: f64 = 0.2;
+/// Growth of the distance from one trial to the next.
+const WALL_RATIO: f64 = 1.25;
+/// Most trials of a wall.
+const MOST_WALLS: usize = 20;
+/// Accuracies of the slack at which parts of a split proof are tried.
+const PART_SLACKS: [f64; 3] = [1e-2, 1e-3, 1e-4];
 /// Accuracies of the slacks of the levels that are tried one after another.
 const SLACKS: [f64; 4] = [1e-3, 1e-4, 1e-5, 3e-6];
 
@@ -51,7 +64,8 @@ const SLACKS: [f64; 4] = [1e-3, 1e-4, 1e-5, 3e-6];
 /// First lifted problems with orientation are solved around the active tets, with few free vertices, at most for a third of
 /// the time. Then the relaxed problem without orientation is solved roughly around many boundary vertices, those with the largest K first. Its level is
 /// about the bound that a certificate there can prove, and so the best of these places are then solved finely, on more and
-/// more rings of tets as long as that helps. The result depends on nothing but the arguments unless the time runs out.
+/// more rings of tets as long as that helps. If that leaves much room below the largest K, proofs around the active tets are
+/// split by where one vertex goes. The result depends on nothing but the arguments unless the time runs out.
 ///
 /// `None` if the image has a flipped tet, or nothing was found.
 ///
@@ -90,6 +104,7 @@ pub fn search(domain: &Domain, image: &[Vec3], time_limit: Duration) -> Option<C
             (reached, tets) = (level, larger);
         }
     }
+    search.split_problems();
     search.best
 }
 
@@ -182,7 +197,7 @@ impl<'a> Search<'a> {
     fn certify_duals(&mut self, tets: &[TetId], duals: &[Dual], scale: f64, mut open: f64, coupled: bool) {
         /// Halvings of the interval between what is proved and the level of the path.
         const BISECTIONS: usize = 12;
-        let Ok(mut checker) = Checker::new(self.domain, tets.to_vec(), coupled) else { return };
+        let Ok(mut checker) = Checker::new(self.domain, tets.to_vec(), coupled, Region::Whole) else { return };
         let mut proved = self.best_log();
         // What raises the best by nothing is found out by one check.
         let mut trial = (proved + 0.1 * CLOSE).max(open - 0.2);
@@ -285,10 +300,16 @@ impl<'a> Search<'a> {
         let tets = tets_among(self.domain, free);
         let largest = tets.iter().map(|tet| self.k(*tet)).fold(1.0, f64::max).ln();
         let mut log = self.best_log().max(FIRST_FRACTION * largest);
-        let Some(mut problem) = Moments::new(self.domain, self.image, free, log) else { return false };
+        let Some(mut problem) = Moments::new(self.domain, self.image, free, Region::Whole, log) else { return false };
         let mut first = 1.0;
         for accuracy in SLACKS {
             let centred = problem.maximize_slack(first, accuracy, deadline);
+            eprintln!(
+                "DBG lifted {} level {} acc {accuracy} centred {centred} slack {}",
+                free.len(),
+                log.exp(),
+                problem.slack()
+            );
             let Some(slope) = problem.slope().filter(|slope| *slope > 0.0) else { return false };
             let next = log - (problem.slack() + 0.5 * problem.accuracy()) / slope;
             if let Some(duals) = problem.duals() {
@@ -302,6 +323,94 @@ impl<'a> Search<'a> {
             (log, first) = (next, 10.0 * accuracy);
         }
         true
+    }
+}
+
+impl Search<'_> {
+    /// Proofs split by where one vertex goes, at higher and higher levels.
+    fn split_problems(&mut self) {
+        for free in self.places() {
+            let largest = tets_among(self.domain, &free).into_iter().map(|tet| self.k(tet)).fold(1.0, f64::max).ln();
+            let first = self.best_log();
+            if largest - first < WORTH_SPLITTING.ln() {
+                continue;
+            }
+            for hub in self.hubs(&free) {
+                for fraction in SPLIT_FRACTIONS {
+                    let level = first + fraction * (largest - first);
+                    if level <= self.best_log() {
+                        continue;
+                    }
+                    let Some(certificate) = self.split(&free, hub, level) else { break };
+                    self.best = Some(certificate);
+                }
+            }
+        }
+    }
+
+    /// The free vertices of tets whose determinants are no quadratic functions, those of most such tets first.
+    fn hubs(&self, free: &[VertexId]) -> Vec<VertexId> {
+        let mut counts: Vec<(usize, VertexId)> = free.iter().map(|&v| (0, v)).collect();
+        for tet in tets_among(self.domain, free) {
+            let unknowns = self.domain.mesh().tets()[tet.index()].map(|v| free.binary_search(&v).ok());
+            if unknowns.iter().flatten().count() > 2 {
+                unknowns.iter().flatten().for_each(|&unknown| counts[unknown].0 += 1);
+            }
+        }
+        counts.retain(|(count, _)| *count > 0);
+        counts.sort_by_key(|&(count, v)| (Reverse(count), v));
+        counts.into_iter().map(|(_, v)| v).collect()
+    }
+
+    /// A certificate for a level that is split at a box around the image of a vertex: each wall of the box is set as near as
+    /// the maps beyond it are proved to have a larger K.
+    fn split(&self, free: &[VertexId], hub: VertexId, level: f64) -> Option<Certificate> {
+        let image = self.image[hub.index()];
+        let tets = self.domain.mesh().tets().iter().filter(|corners| corners.contains(&hub)).flatten();
+        let shortest =
+            tets.filter(|&&v| v != hub).map(|v| (self.image[v.index()] - image).norm()).fold(f64::INFINITY, f64::min);
+        let mut ends = [image, image];
+        let mut outside = Vec::with_capacity(6);
+        for (axis, side) in (0..6).map(|wall| (wall / 2, wall % 2)) {
+            let outwards = if side == 0 { -1.0 } else { 1.0 };
+            let mut distance = FIRST_WALL * shortest;
+            let mut trials = 0..MOST_WALLS;
+            outside.push(trials.find_map(|_| {
+                let bound = image[axis] + outwards * distance;
+                distance *= WALL_RATIO;
+                let wall = Wall { vertex: hub, axis, bound, outwards, push: 0.0 };
+                let (certificate, push) = self.part(free, Region::Beyond(wall), level)?;
+                ends[side][axis] = bound;
+                Some(Outside { push, certificate })
+            })?);
+        }
+        let (mut certificate, _) = self.part(free, Region::Inside(hub, ends), level)?;
+        let [low, high] = ends.map(|end| [end.x, end.y, end.z]);
+        certificate.split = Some(Box::new(Split { vertex: hub.0, low, high, outside }));
+        Some(certificate)
+    }
+
+    /// A certificate for a level and the maps of a region, and the multiplier of the region's wall.
+    fn part(&self, free: &[VertexId], region: Region, level: f64) -> Option<(Certificate, f64)> {
+        let mut problem = Moments::new(self.domain, self.image, free, region, level)?;
+        let mut checker = Checker::new(self.domain, problem.tets().to_vec(), true, region).ok()?;
+        let mut first = 1.0;
+        for accuracy in PART_SLACKS {
+            if !problem.maximize_slack(first, accuracy, self.deadline) || problem.slack() > 0.0 {
+                return None;
+            }
+            let duals = problem.duals()?;
+            let scale = duals.iter().map(Dual::weight).fold(0.0, f64::max).recip();
+            let push = problem.push() * scale;
+            let multipliers: Vec<Multipliers> =
+                duals.iter().map(|dual| Multipliers::of(dual, Level::new(level), scale)).collect();
+            checker.set_push(push);
+            if checker.check(level.exp(), &multipliers, self.image).is_ok() {
+                return Some((Certificate::new(level.exp(), problem.tets(), &multipliers), push));
+            }
+            first = accuracy;
+        }
+        None
     }
 }
 
@@ -350,4 +459,57 @@ fn with_neighbours(domain: &Domain, tets: &[TetId]) -> Vec<TetId> {
         .filter(|(tet, corners)| taken[tet.index()] || corners.iter().any(|v| near[v.index()]))
         .map(|(tet, _)| tet)
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{MINUTE, random_star};
+    use super::super::{Rejection, check};
+    use super::*;
+
+    #[test]
+    fn a_proof_split_by_a_box_is_whole_or_nothing() {
+        let (domain, _, image) = random_star(0);
+        let measured = measure(&domain, &image);
+        let deadline = Instant::now() + MINUTE;
+        let mut search = Search { domain: &domain, image: &image, measured: &measured, deadline, best: None };
+        let hub = (0..).map(VertexId).find(|&v| !domain.boundary().contains(v)).unwrap();
+        let free = search.grown(vec![hub], 4);
+        assert!(search.lifted(&free, deadline));
+        // A level that is proved without a box is proved for the parts, too: their problems are smaller.
+        let level = 0.9 * search.best_log();
+        let good = search.split(&free, hub, level).unwrap();
+        assert_eq!(check(&good, &domain, &image), Ok(level.exp()));
+        let read: Certificate = serde_json::from_str(&good.to_json()).unwrap();
+        assert_eq!(read, good);
+
+        let rejected = |change: &dyn Fn(&mut Certificate, &mut Split)| {
+            let mut bad = good.clone();
+            let mut split = bad.split.take().unwrap();
+            change(&mut bad, &mut split);
+            bad.split = Some(split);
+            check(&bad, &domain, &image).expect_err("a tampered certificate")
+        };
+        let malformed = |change: &dyn Fn(&mut Certificate, &mut Split)| {
+            assert!(matches!(rejected(change), Rejection::Malformed(_)));
+        };
+        malformed(&|_, split| split.outside.truncate(5));
+        malformed(&|_, split| split.outside[2].push = -split.outside[2].push);
+        malformed(&|_, split| split.outside[2].push = f64::NAN);
+        malformed(&|_, split| split.outside[3].certificate.level = 1.0);
+        malformed(&|_, split| split.high[1] = split.low[1]);
+        malformed(&|_, split| split.low[0] = f64::NEG_INFINITY);
+        malformed(&|_, split| split.vertex = domain.boundary().triangles()[0][0].0);
+        malformed(&|_, split| split.vertex = u32::MAX);
+        malformed(&|_, split| split.outside[0].certificate.split = Some(Box::new(split.clone())));
+        let condition = rejected(&|bad, _| bad.level *= 0.999);
+        assert!(matches!(condition, Rejection::TraceCondition { .. } | Rejection::NotNegative), "{condition}");
+        let condition = rejected(&|_, split| split.outside[5].certificate.level *= 1.001);
+        assert!(matches!(condition, Rejection::TraceCondition { .. }), "{condition}");
+        // Far from where the vertex can be, the walls leave everything to be proved by the proof for the box, and nothing was.
+        let far = rejected(&|_, split| split.low.iter_mut().chain(&mut split.high).for_each(|entry| *entry += 1e3));
+        assert!(matches!(far, Rejection::NotNegative | Rejection::NotConcave), "{far}");
+        let whole = Certificate { split: None, ..good.clone() };
+        assert!(check(&whole, &domain, &image).is_err(), "multipliers for the box only");
+    }
 }

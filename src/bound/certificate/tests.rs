@@ -9,7 +9,7 @@ use crate::mesh::{Mat3, TetMesh};
 use crate::optimize::{OptimizeSettings, optimize};
 use crate::solid::{CentreChoice, ShellSettings, Solid, shell_mesh, star_centre};
 
-const MINUTE: Duration = Duration::from_secs(60);
+pub(super) const MINUTE: Duration = Duration::from_secs(60);
 
 /// The corner star of bounds.md's table (vertex_star_prototype.py): the cone at the origin over the triangle of directions,
 /// whose sides have `segments` parts, and the edge opposite each corner exchanged so that no tet is locked. A second cone
@@ -95,7 +95,7 @@ fn corner_stars_reach_the_values_of_the_prototype() {
 }
 
 /// A random star-shaped solid in shells, its radial map and the optimised one.
-fn random_star(seed: u64) -> (Domain, Vec<Vec3>, Vec<Vec3>) {
+pub(super) fn random_star(seed: u64) -> (Domain, Vec<Vec3>, Vec<Vec3>) {
     let solid = Solid::SmoothStar { amplitude: 0.4, degree: 4, resolution: 2, seed };
     let surface = solid.surface().unwrap();
     let centre = star_centre(&surface, &CentreChoice::Kernel).unwrap();
@@ -332,4 +332,42 @@ fn tampering_with_orientation_is_rejected() {
     bad.trace.truncate(1);
     bad.cofactor.clear();
     assert_eq!(check(&bad, &domain, &image), Err(Rejection::NotQuadratic { tet: cubic }));
+}
+
+#[test]
+fn in_a_box_the_form_is_largest_at_a_corner_but_for_a_term_of_second_order() {
+    let mut numbers = Numbers::new(11);
+    for _ in 0..1000 {
+        let (fixed, root, cofactor) = (numbers.matrix(), numbers.matrix(), numbers.matrix());
+        let form = root + root.transpose();
+        let mut vector = || Vec3::from_fn(|_, _| numbers.next());
+        let (gradient, centre, half, share) = (vector(), vector(), vector().abs(), vector());
+        let eta = numbers.next().abs();
+        let q = |place: Vec3| {
+            let a = fixed + place * gradient.transpose();
+            let c = Mat3::from_fn(|i, j| {
+                let ([i1, i2], [j1, j2]) = ([1, 2].map(|s| (i + s) % 3), [1, 2].map(|s| (j + s) % 3));
+                a[(i1, j1)] * a[(i2, j2)] - a[(i1, j2)] * a[(i2, j1)]
+            });
+            (form * a.transpose() * a).trace() - cofactor.dot(&c) + eta * a.determinant()
+        };
+        let corner = |index: usize| {
+            centre + Vec3::from_fn(|axis, _| if index >> axis & 1 == 0 { -half[axis] } else { half[axis] })
+        };
+        let largest = (0..8).map(|index| q(corner(index))).fold(f64::NEG_INFINITY, f64::max);
+        let loss = (-gradient.dot(&(form * gradient))).max(0.0) * half.norm_squared();
+        // Entries of size 1: rounding of some 100 operations.
+        assert!(q(centre + share.component_mul(&half)) <= largest + loss + 1e-12);
+    }
+}
+
+#[test]
+fn one_free_vertex_is_solved_to_the_end() {
+    // Its moments are those of its mean at the best: every condition is convex in the position, and so the level is the
+    // apex bound, from a quite different algorithm.
+    let (domain, start, _) = cube_corner(3);
+    let certificate = search(&domain, &start, MINUTE).unwrap();
+    let apex = crate::bound::apex(&domain, &start).into_iter().find(|bound| bound.kind == Kind::K).unwrap();
+    assert!(certificate.level <= apex.value * (1.0 + 1e-6), "{} {}", certificate.level, apex.value);
+    assert!(certificate.level >= apex.value * (1.0 - 1e-3), "{} {}", certificate.level, apex.value);
 }
