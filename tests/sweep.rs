@@ -86,6 +86,7 @@ fn a_sweep_killed_and_resumed_has_the_index_of_one_that_was_not() {
     let (code, text) = place.call("sweep a.toml --out whole");
     assert_eq!(code, Some(0), "{text}");
     assert!(text.contains("12 of 12 cases done"), "{text}");
+    assert!(text.ends_with("\nresults     whole/index.csv\npage        whole/report.html\n"), "{text}");
     // One job or two, killed as soon as so many cases are done: somewhere in the next ones.
     let mut before = BTreeMap::new();
     for (jobs, kill_at) in [(1, 1), (2, 3), (1, 4), (2, 7), (2, 10)] {
@@ -132,7 +133,7 @@ fn shards_and_an_index_over_them_give_the_same() {
     let shards = ["1/3", "2/3", "3/3"].map(|shard| place.start(&format!("sweep a.toml --out shared --shard {shard}")));
     for shard in shards {
         let (code, text) = said(&shard.wait_with_output().unwrap());
-        assert!(code == Some(0) && text.contains("4 of 4 cases done"), "{text}");
+        assert!(code == Some(0) && text.contains("4 of 4 cases done") && !text.contains("report.html"), "{text}");
     }
     assert!(!place.path("shared/index.csv").exists());
     let (code, text) = place.call("sweep a.toml --out shared --index-only");
