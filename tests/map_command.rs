@@ -95,7 +95,7 @@ fn what_cannot_be_mapped_names_the_vertex_and_writes_nothing() {
             vec!["pow", "in.mesh", "out.mesh"],
             "there is no map `pow`; there are affine, folding, cone, power, zorich1, zorich2, zorich and caraman",
         ),
-        (vec!["composition", "maps=[]", "in.mesh", "out.mesh"], "apply its maps one after the other"),
+        (vec!["composition", "in.mesh", "out.mesh"], "`maps` is missing; write for example maps=\"[{ kind"),
         (vec!["caraman", "centre=[2, 0, 0]", "in.mesh", "out.mesh"], "choose another centre"),
         (vec!["caraman", "center=[2, 0, 0]", "in.mesh", "out.mesh"], "centre=[X,Y,Z]"),
         (vec!["caraman", "centre=2", "in.mesh", "out.mesh"], "write three numbers"),

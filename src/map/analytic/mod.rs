@@ -80,13 +80,14 @@ pub enum AnalyticMap {
     Composition(Composition),
 }
 
-/// The maps of the command line; the last one is [`Caraman::new`], from the mesh that it is applied to.
+/// The maps of the command line, but for a composition, which is easier made by several calls; the last one is [`Caraman::new`], from the mesh that it is applied to.
 const NAMES: &str = "affine, folding, cone, power, zorich1, zorich2, zorich and caraman";
 
 /// A value of a parameter without a default.
 fn example(key: &str) -> &'static str {
     match key {
         "matrix" => "\"[[2, 0, 0], [0, 1, 0], [0, 0, 1]]\"",
+        "maps" => "\"[{ kind = 'folding', ratio = 1.5 }]\"",
         _ => "1.5",
     }
 }
@@ -144,8 +145,8 @@ impl AnalyticMap {
     /// The map with the given name and parameters `key=value`; a value is written as in TOML (`[1, 0, 0]`).
     ///
     /// # Errors
-    /// An unknown name or key, a missing one, a value of the wrong type or out of range. `caraman`, which needs a surface, and
-    /// `composition` are not made from words.
+    /// An unknown name or key, a missing one, a value of the wrong type or out of range. `caraman`, which needs a
+    /// surface, is not made from words.
     pub fn from_words(name: &str, words: &[String]) -> Result<Self, MapError> {
         let mut table = toml::Table::new();
         for word in words {
@@ -159,11 +160,6 @@ impl AnalyticMap {
             if table.insert(key.to_owned(), value).is_some() {
                 return Err(MapError::Words(format!("`{key}` is given twice")));
             }
-        }
-        if name == "composition" {
-            let message =
-                "a composition is for configs; here apply its maps one after the other, each to the last one's file";
-            return Err(MapError::Words(message.into()));
         }
         table.insert("kind".into(), name.into());
         let map: Self = table.try_into().map_err(|error: toml::de::Error| {
