@@ -50,9 +50,72 @@ impl Dilatation {
     }
 }
 
+/// A dilatation in at most 9 characters, rounded to nearest.
+pub(crate) fn number(x: f64) -> String {
+    if !x.is_finite() {
+        "inf".into()
+    } else if x < 1e4 {
+        format!("{x:.4}")
+    } else {
+        format!("{x:.3e}")
+    }
+}
+
+/// A lower bound like a [`number`], but rounded down, so that no more is claimed than is proved.
+pub(crate) fn lower_bound(x: f64) -> String {
+    towards(x, -last_digit(x), number)
+}
+
+/// An upper bound like a [`number`], but rounded up.
+pub(crate) fn upper_bound(x: f64) -> String {
+    towards(x, last_digit(x), number)
+}
+
+/// An upper bound with that many decimals, rounded up.
+pub(crate) fn rounded_up(x: f64, decimals: usize) -> String {
+    towards(x, 0.1f64.powi(decimals as i32), |x| format!("{x:.decimals$}"))
+}
+
+/// One unit of the last digit that a [`number`] shows.
+fn last_digit(x: f64) -> f64 {
+    if x < 1e4 { 1e-4 } else { 10f64.powf(x.log10().floor() - 3.0) }
+}
+
+/// What `show` makes of `x`, which it rounds to nearest, or of `x + unit` if that was on the other side of `x`.
+fn towards(x: f64, unit: f64, show: impl Fn(f64) -> String) -> String {
+    /// Relative, so that a closed form is shown as it is known whatever its last bits: 4 - 1e-12 as 4.0000.
+    const ROUNDING: f64 = 1e-9;
+    let nearest = show(x);
+    // The difference is NaN, and nothing is changed, where x is infinite.
+    let other_side = nearest.parse().is_ok_and(|shown: f64| (x - shown) * unit.signum() > ROUNDING * x.abs());
+    if other_side { show(x + unit) } else { nearest }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn bounds_are_rounded_to_the_safe_side() {
+        let cases = [
+            (4.98705, "4.9870", "4.9871"),
+            (4.98709, "4.9870", "4.9871"),
+            (4.98701, "4.9870", "4.9871"),
+            (3.7, "3.7000", "3.7000"),
+            (4.0 - 1e-12, "4.0000", "4.0000"),
+            (4.0 + 1e-12, "4.0000", "4.0000"),
+            (9999.99996, "9999.9999", "10000.0000"),
+            (1e4, "1.000e4", "1.000e4"),
+            (99_996.0, "9.999e4", "1.000e5"),
+            (100_040.0, "1.000e5", "1.001e5"),
+            (f64::INFINITY, "inf", "inf"),
+        ];
+        for (x, down, up) in cases {
+            assert_eq!((lower_bound(x), upper_bound(x)), (down.into(), up.into()), "{x}");
+        }
+        assert_eq!([rounded_up(4.71, 1), rounded_up(50.0, 1), rounded_up(50.0, 4)], ["4.8", "50.0", "50.0000"]);
+    }
+
     use proptest::prelude::*;
 
     fn matrix() -> impl Strategy<Value = Mat3> {

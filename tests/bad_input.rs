@@ -66,6 +66,11 @@ fn configs() -> Vec<Case> {
         ),
         config(&below("mesh", "layers = 0"), &["a.toml:4: `mesh.layers` is 0", "between 1 and 10000"]),
         config(&below("mesh", "layers = 1000000000000000000"), &["a.toml:4: `mesh.layers`"]),
+        config(
+            &below("mesh", "cells = 100_000_000"),
+            &["a.toml:4: `mesh.cells` is 100000000", "between 1 and 90000000"],
+        ),
+        config("[analitic]\n", &["a.toml:1: unknown key `analitic`", "did you mean `analytic`?"]),
         config(&below("mesh", "layers = \"8\""), &["a.toml:4: `mesh.layers`", "a whole number"]),
         config(&below("map", "exponent = -1"), &["a.toml:4: `map.exponent` is -1", "greater than 0"]),
         config(
@@ -121,7 +126,11 @@ fn surfaces() -> Vec<Case> {
         surface("b.off", "garbage\n", &["b.off:1: expected `OFF`"]),
         surface("b.ply", "garbage\n", &["b.ply:1: the first line must be \"ply\""]),
         surface("b.stl", "garbage\n", &["neither \"solid\" at the start nor the 84 bytes of a binary header"]),
-        surface("b.xyz", BLOCK, &["unknown file ending \"xyz\"", ".obj"]),
+        case(
+            "run a.toml",
+            &[("a.toml", "[domain]\nfile = \"part.step\"\n"), ("part.step", "x")],
+            &["a.toml:2: part.step: unknown file ending \"step\" for a solid", ".obj", "export the solid"],
+        ),
         block(&[":14: face 5", "vertex 9", "8 vertices", "correct it"], &|t| t.replace("2 4 8 6", "2 4 9 6")),
         block(&[":8: vertex 7", "not finite", "give it numbers"], &|t| t.replace("v 1 1 1", "v 1 nan 1")),
         block(&[":8: vertex 7", "needs three numbers"], &|t| t.replace("v 1 1 1", "v 1 one 1")),
@@ -180,6 +189,17 @@ fn command_lines() -> Vec<Case> {
             &[],
             &["'-1' for '--time-limit <SECONDS>': give a positive"],
         ),
+        case(
+            "verify sweep",
+            &[("sweep/", ""), ("sweep/index.csv", "")],
+            &["sweep is the folder of a sweep", "sweep/cases/ID"],
+        ),
+        case(
+            "verify tables",
+            &[("tables/", ""), ("tables/table.md", "")],
+            &["tables holds the tables", "not verified"],
+        ),
+        case("verify other", &[("other/", "")], &["other is not the folder of a run", "`qcball run` wrote"]),
         case("map power exponent=2 a.mesh", &[], &["exponent=2 is a parameter", "the mesh IN and the file OUT"]),
         set("mesh.layers", &["--set mesh.layers: there is no `=`"]),
         set("mesh.layer=3", &["--set mesh.layer=3", "did you mean `layers`?"]),
@@ -199,6 +219,11 @@ fn sweeps() -> Vec<Case> {
     };
     let thousand = "{ from = 1, to = 2, steps = 1000 }";
     vec![
+        case(
+            "sweep a.toml",
+            &[("a.toml", "[analytic]\nmaps = []\nmeshes = []\n")],
+            &["a.toml:1: a config with the table [analytic]", "`qcball run` takes it"],
+        ),
         case("sweep a.toml", &[("a.toml", CUBE)], &["a.toml: there is no table [sweep]", "[sweep.grid]"]),
         sweep("sedes = 2", &["a.toml:4: unknown key `sweep.sedes`", "did you mean `seeds`?", "sedes = 2"]),
         sweep("grid.map.exponnt = [1]", &["a.toml:4: unknown key `map.exponnt`", "did you mean `exponent`?"]),

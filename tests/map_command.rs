@@ -90,8 +90,12 @@ fn what_cannot_be_mapped_names_the_vertex_and_writes_nothing() {
         (vec!["power", "exponent=2", "in.mesh", "out.xyz"], "unknown file ending"),
         (vec!["power", "exponent=2", "no.mesh", "out.mesh"], "cannot read"),
         (vec!["power", "exponent=2", "in.mesh", "in.mesh"], "would be written over"),
-        (vec!["power", "in.mesh", "out.mesh"], "missing field `exponent`"),
-        (vec!["pow", "in.mesh", "out.mesh"], "unknown variant `pow`"),
+        (vec!["power", "in.mesh", "out.mesh"], "`exponent` is missing; write for example exponent=1.5"),
+        (
+            vec!["pow", "in.mesh", "out.mesh"],
+            "there is no map `pow`; there are affine, folding, cone, power, zorich1, zorich2, zorich and caraman",
+        ),
+        (vec!["composition", "in.mesh", "out.mesh"], "`maps` is missing; write for example maps=\"[{ kind"),
         (vec!["caraman", "centre=[2, 0, 0]", "in.mesh", "out.mesh"], "choose another centre"),
         (vec!["caraman", "center=[2, 0, 0]", "in.mesh", "out.mesh"], "centre=[X,Y,Z]"),
         (vec!["caraman", "centre=2", "in.mesh", "out.mesh"], "write three numbers"),
@@ -101,6 +105,15 @@ fn what_cannot_be_mapped_names_the_vertex_and_writes_nothing() {
         assert_eq!((code, out.as_str()), (2, ""), "{arguments:?}: {err}");
         assert!(err.contains(part), "{arguments:?}: {err}");
         assert!(!folder.path().join("out.mesh").exists());
+    }
+}
+
+#[test]
+fn help_is_in_words_and_offers_what_can_be_given() {
+    let folder = tempfile::tempdir().unwrap();
+    for command in ["map", "measure"] {
+        let (code, out, _) = qcball(folder.path(), &[command, "--help"]);
+        assert!(code == 0 && !out.contains('`') && !out.contains("composition"), "{out}");
     }
 }
 

@@ -359,6 +359,10 @@ fn a_failure_is_told_in_words() {
     scale(folder.path(), "/final/max_k", 0.5);
     let (code, text) = qcball(&["verify"], folder.path());
     assert!(code == Some(1) && text.contains("FAILS") && text.ends_with("NOT verified\n"), "{text}");
+    assert!(text.contains("\nmax K <= ") && !text.contains("max K <=  "), "{text}");
+    fs::remove_file(folder.path().join("cells.csv")).unwrap();
+    let (code, text) = qcball(&["verify"], folder.path());
+    assert!(code == Some(1) && text.contains("or run the config again"), "{text}");
 }
 
 #[test]

@@ -5,6 +5,7 @@ use std::fmt::Write;
 use super::child::GOALS;
 use super::{Conditions, Figures, Peers, Row};
 use crate::config::BenchPlan;
+use crate::dilatation::lower_bound;
 use crate::report::Report;
 
 /// What stands where there is no figure.
@@ -86,7 +87,7 @@ fn our_row(name: &str, figures: &Figures) -> String {
         or_nothing(figures.cpu_seconds, |seconds| format!("{seconds:.1}")),
         or_nothing(figures.peak_memory_mib, |mib| format!("{mib:.0}")),
         or_nothing(figures.kkt, |residual| format!("{residual:.1e}")),
-        or_nothing(figures.best_bound, |bound| format!("{:.4}", (bound * 1e4).floor() / 1e4)),
+        or_nothing(figures.best_bound, lower_bound),
         or_nothing(figures.gap, |gap| format!("{gap:.4}")),
         figures.stop,
     )

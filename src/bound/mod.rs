@@ -59,6 +59,7 @@ pub use vertex::vertex;
 pub use vertex_smooth::vertex_smooth;
 pub use wedge::wedge;
 
+use crate::dilatation::lower_bound;
 use crate::domain::Domain;
 pub use crate::mesh::Place;
 use crate::mesh::{BoundaryEdges, Features, Orientation, Vec3, VertexId, orientation};
@@ -200,9 +201,9 @@ fn three_halves_power(h: f64) -> f64 {
     (h * h.sqrt() * (1.0 - 4.0 * f64::EPSILON)).max(1.0)
 }
 
-/// The clause for a bound on H, which bounds K_I and K_O as well; four decimals, rounded down like the bound itself.
+/// The clause for a bound on H, which bounds K_I and K_O as well; rounded down like the bound itself.
 fn with_inner_and_outer(maps: &str, h: f64) -> String {
-    format!("{maps}; also K_I and K_O >= {:.4}", (h * 1e4).floor() / 1e4)
+    format!("{maps}; also K_I and K_O >= {}", lower_bound(h))
 }
 
 /// The candidate of largest value, the first of equals.

@@ -19,7 +19,7 @@ use crate::solid::{Surface, SurfaceError};
 #[command(override_usage = "qcball map <NAME> [KEY=VALUE]... <IN> <OUT>")]
 pub(crate) struct MapArguments {
     /// affine (matrix, offset), folding (ratio), cone (ratio, angle), power (exponent), zorich1, zorich2, zorich (half_side),
-    /// caraman (exponent, centre), composition (maps).
+    /// caraman (exponent, centre).
     name: String,
     /// The parameters as key=value, then the mesh IN and the file OUT for its image, whose format follows its ending.
     #[arg(value_name = "WORDS", num_args = 2.., required = true, allow_hyphen_values = true)]

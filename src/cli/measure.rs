@@ -11,10 +11,11 @@ use super::output::{note, print};
 use super::{Ending, Failure};
 use crate::bound::certificate::{self, DEFAULT_TIME_LIMIT};
 use crate::bound::{self, LowerBound};
+use crate::dilatation::number;
 use crate::estimate::{self, Estimate, EstimateSummary, Estimator, Weights};
 use crate::experiment::GivenMap;
 use crate::measure::{Summary, measure};
-use crate::report::{BestBound, Limit, bounds_table, dilatations, number, to_json, write_certificate};
+use crate::report::{BestBound, Limit, bounds_table, dilatations, to_json, write_certificate};
 
 /// The map, and whether to estimate as well.
 #[derive(Debug, Args)]

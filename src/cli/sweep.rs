@@ -132,7 +132,11 @@ fn end(arguments: &SweepArguments, tally: Tally, folder: &SweepFolder, index: Op
             words += &format!(", {count} {what}");
         }
         let path = index.map_or(folder.path().to_path_buf(), |name| folder.path().join(name));
-        print(&format!("{words}\nresults     {}\n", path.display()))?;
+        words += &format!("\nresults     {}\n", path.display());
+        if index.is_some() && page {
+            words += &format!("page        {}\n", folder.path().join("report.html").display());
+        }
+        print(&words)?;
     }
     Ok(if all { Ending::Done } else { Ending::Unfulfilled })
 }

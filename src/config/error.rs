@@ -102,7 +102,15 @@ pub(super) fn reworded(message: &str, key: Option<&str>) -> (String, String) {
     let mut names = message.split('`').skip(1).step_by(2);
     let unknown = ["unknown field", "unknown variant"].into_iter().find(|start| message.starts_with(start));
     if let (Some(unknown), Some(wrong)) = (unknown, names.next()) {
-        let known: Vec<&str> = names.collect();
+        let mut known: Vec<&str> = names.collect();
+        // The top level of a run; configs with [analytic] have a type of their own.
+        if known.contains(&"domain") && known.contains(&"bounds") {
+            if wrong == "analytic" {
+                let what = "a config with the table [analytic] compares maps of known dilatation";
+                return (what.into(), format!("`qcball run` takes it, as a file without the other tables; {schema}"));
+            }
+            known.push("analytic");
+        }
         let nearest = known
             .iter()
             .map(|name| (strsim::damerau_levenshtein(wrong, name), *name))

@@ -16,6 +16,9 @@ pub enum MeshPlan {
     External(ExternalSettings),
 }
 
+/// Largest value of `cells`: a tenth below the most tets of a shell mesh, since the last halvings go beyond what is wished.
+const MOST_CELLS: i64 = MOST_TETS as i64 / 10 * 9;
+
 const ALL: &[MeshKind] = &[MeshKind::Shell, MeshKind::Tetgen, MeshKind::Gmsh];
 const SHELL: &[MeshKind] = &[MeshKind::Shell];
 const EXTERNAL: &[MeshKind] = &[MeshKind::Tetgen, MeshKind::Gmsh];
@@ -77,9 +80,7 @@ fn shell(table: &MeshTable) -> Result<ShellSettings, Fault> {
             return Err(Fault::at(&["mesh", "cells"], message, "keep one of them"));
         }
         (Some(length), None) => Some(Refinement::EdgeLength(positive(Some(length), 0.1, &["mesh", "edge_length"])?)),
-        (None, Some(cells)) => {
-            Some(Refinement::Cells(whole(Some(cells), 10_000, 1..=MOST_TETS as i64, &["mesh", "cells"])?))
-        }
+        (None, Some(cells)) => Some(Refinement::Cells(whole(Some(cells), 10_000, 1..=MOST_CELLS, &["mesh", "cells"])?)),
         (None, None) => None,
     };
     Ok(ShellSettings {

@@ -141,7 +141,7 @@ pub struct MeshTable {
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub edge_length: Option<f64>,
     /// Halve the longest edges until there are at least this many tetrahedra (shell). Not together with `edge_length`.
-    #[schemars(range(min = 1, max = 100_000_000))]
+    #[schemars(range(min = 1, max = 90_000_000))]
     pub cells: Option<i64>,
     /// Number of layers from the centre to the surface, at least 1 (shell). Default: 8.
     #[schemars(range(min = 1, max = 10_000))]

@@ -10,7 +10,7 @@ use super::mesh::{self, MeshPlan};
 use super::{CentreName, CentreValue, Config, ConfigSource, ObjectiveName, OptimizeTable, PolishName, solid};
 use crate::bound::certificate::DEFAULT_TIME_LIMIT;
 use crate::mesh::Vec3;
-use crate::mesh::io::holds_a_surface;
+use crate::mesh::io::{ReadError, holds_a_surface, holds_tets};
 use crate::optimize::{Objective, OptimizeSettings, Polish};
 use crate::solid::{CentreChoice, Solid};
 
@@ -112,6 +112,11 @@ fn domain(config_path: &Path, config: &Config) -> Result<DomainSource, Fault> {
                 let why = if path.exists() { "is not a file" } else { "does not exist" };
                 let message = format!("the file {} {why}", path.display());
                 return Err(Fault::at(&["domain", "file"], message, "paths are relative to the config file"));
+            }
+            if !holds_a_surface(&path) && !holds_tets(&path) {
+                let ending = path.extension().unwrap_or_default().to_string_lossy().into_owned();
+                let message = ReadError::UnknownEnding { path, ending, wanted: "solid" }.to_string();
+                return Err(Fault::at(&["domain", "file"], message, "export the solid in one of these formats"));
             }
             if holds_a_surface(&path) { DomainSource::Surface(path) } else { DomainSource::Mesh(path) }
         }

@@ -13,14 +13,13 @@ use crate::mesh::angle::tet_solid_angle;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Weights {
-    /// 1.
+    /// All cells count the same: the paper's choice on boxes.
     Equal,
-    /// The measure m(c) of the cell.
+    /// The volume of the cell.
     Measure,
-    /// The solid angle of the cell at the vertex: the paper's choice on tets. The same as `Equal` in a mesh of boxes, which
-    /// is the paper's choice there.
+    /// The solid angle of the cell at the vertex: the paper's choice on tets. All cells count the same in a mesh of boxes.
     SolidAngle,
-    /// The solid angle over m(c).
+    /// The solid angle over the volume.
     SolidAnglePerMeasure,
 }
 

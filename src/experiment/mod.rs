@@ -9,6 +9,7 @@ use std::time::Instant;
 use crate::bound::certificate::{self, Certificate};
 use crate::bound::{self, LowerBound};
 use crate::config::Plan;
+use crate::dilatation::lower_bound;
 use crate::domain::Domain;
 use crate::map::bijectivity;
 use crate::measure::{Measured, bottleneck, measure};
@@ -131,11 +132,11 @@ fn locked_warning(domain: &Domain, bounds: &[LowerBound]) -> Option<String> {
     let forced = bounds.iter().find(|bound| bound.name == "locked")?;
     let named: Vec<String> = locked.iter().take(NAMED).map(u32::to_string).collect();
     Some(format!(
-        "{} tets are locked, all their vertices being on the boundary: {}{}; whatever the inside does, they force K >= {:.4}",
+        "{} tets are locked, all their vertices being on the boundary: {}{}; whatever the inside does, they force K >= {}",
         locked.len(),
         named.join(", "),
         if locked.len() > NAMED { ", ..." } else { "" },
-        forced.value
+        lower_bound(forced.value)
     ))
 }
 

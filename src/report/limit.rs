@@ -2,8 +2,8 @@
 
 use serde::Serialize;
 
-use super::summary::number;
 use crate::bound::{LowerBound, Scope, best_applicable};
+use crate::dilatation::{lower_bound, rounded_up};
 use crate::mesh::Place;
 use crate::optimize::{KktResidual, StopReason};
 
@@ -66,38 +66,38 @@ impl Limit {
         }
         if gap <= 1.0 + NEARLY {
             let sentence = format!(
-                "the map is proved globally optimal up to {:.4} %: by {source} no {maps} has a largest K below {}",
-                100.0 * (1.0 - 1.0 / gap),
-                number(best.value)
+                "the map is proved globally optimal up to {} %: by {source} no {maps} has a largest K below {}",
+                rounded_up(100.0 * (1.0 - 1.0 / gap), 4),
+                lower_bound(best.value)
             );
             return say(LimitedBy::ProvedOptimal, sentence);
         }
-        let room = 100.0 * (1.0 - 1.0 / gap);
+        let room = rounded_up(100.0 * (1.0 - 1.0 / gap), 1);
         if gap <= CLOSE {
             return match limit_of_fine_meshes(bounds).filter(|fine| fine * CLOSE < best.value) {
                 Some(fine) => say(
                     LimitedBy::Mesh,
                     format!(
-                        "the mesh limits K: by {source} no {maps} can gain more than {room:.1} %, while finer meshes are bound \
+                        "the mesh limits K: by {source} no {maps} can gain more than {room} %, while finer meshes are bound \
                          by {} only, so refining there may help",
-                        number(fine)
+                        lower_bound(fine)
                     ),
                 ),
                 None => say(
                     LimitedBy::BoundaryValues,
-                    format!("the boundary values limit K: by {source} no {maps} can gain more than {room:.1} %"),
+                    format!("the boundary values limit K: by {source} no {maps} can gain more than {room} %"),
                 ),
             };
         }
         match ending.and_then(unsettled) {
             Some(how) => say(
                 LimitedBy::Optimizer,
-                format!("the optimizer may limit K: {how}, and {source} leaves room for up to {room:.1} %"),
+                format!("the optimizer may limit K: {how}, and {source} leaves room for up to {room} %"),
             ),
             None => say(
                 LimitedBy::Unknown,
                 format!(
-                    "what limits K is not proved: {source} leaves room for up to {room:.1} %, which another local optimum may \
+                    "what limits K is not proved: {source} leaves room for up to {room} %, which another local optimum may \
                      use or a stronger bound may close"
                 ),
             ),
@@ -170,6 +170,9 @@ mod tests {
             ),
             (4.0 * (1.0 + 0.9e-6), vec![mesh(4.0)], limited, ProvedOptimal, "proved globally optimal: by"),
             (4.0 * 1.0002, vec![mesh(4.0)], settled, ProvedOptimal, "proved globally optimal up to 0.0200 %"),
+            // Bounds are rounded down, the room, here 0.2494 %, up.
+            (4.0, vec![mesh(3.99999)], settled, ProvedOptimal, "has a largest K below 3.9999"),
+            (4.01, vec![mesh(4.0)], settled, BoundaryValues, "more than 0.3 %"),
             (4.2, vec![mesh(4.0)], settled, BoundaryValues, "the boundary values limit K"),
             (4.2, vec![mesh(4.0), smooth(3.9)], settled, BoundaryValues, "more than 4.8 %"),
             (4.2, vec![mesh(4.0), smooth(3.0)], settled, Mesh, "finer meshes are bound by 3.0000 only"),

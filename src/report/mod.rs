@@ -14,7 +14,7 @@ pub use limit::{Limit, LimitedBy};
 pub use map_report::MapReport;
 pub(crate) use results::CellRow;
 pub use results::{MapRecord, write_certificate, write_results, write_trace};
-pub(crate) use summary::{bounds_table, dilatations, number};
+pub(crate) use summary::{bounds_table, dilatations};
 pub use summary::{map_summary, summary, time_line};
 
 use std::time::Instant;

@@ -2,6 +2,7 @@
 
 use super::{BestBound, Limit, MapFigures, MapReport, Report, Splits, Times, UntanglingFigures};
 use crate::bound::{Kind, LowerBound, Scope};
+use crate::dilatation::{lower_bound, number, upper_bound};
 use crate::measure::{Bottleneck, Summary};
 use crate::mesh::Place;
 use crate::optimize::StopReason;
@@ -56,7 +57,7 @@ fn map_in_words(map: &MapFigures) -> Option<String> {
     }
     let most = map
         .closed_form_k
-        .map(|k| format!("; its own K, before any mesh, is at most {}", number(k)))
+        .map(|k| format!("; its own K, before any mesh, is at most {}", upper_bound(k)))
         .unwrap_or_default();
     Some(format!("{}{most}", map.map))
 }
@@ -187,7 +188,7 @@ pub(crate) fn bounds_table(bounds: &[LowerBound], best: BestBound, limit: &Limit
         text.push_str(&format!(
             "{:<18}{kind:>6}{:>10}  {:<20}{applies}{quoted}\n",
             bound.name,
-            number(bound.value),
+            lower_bound(bound.value),
             scope_in_short(bound.scope)
         ));
         if !bound.applies {
@@ -200,9 +201,9 @@ pub(crate) fn bounds_table(bounds: &[LowerBound], best: BestBound, limit: &Limit
 fn best_in_words(best: BestBound) -> String {
     match (best.best_bound, best.gap) {
         (Some(bound), Some(gap)) => {
-            format!("K >= {}; the map is within a factor of {gap:.4} of it", number(bound))
+            format!("K >= {}; the map is within a factor of {} of it", lower_bound(bound), upper_bound(gap))
         }
-        (Some(bound), None) => format!("K >= {}; the map has no finite K to compare", number(bound)),
+        (Some(bound), None) => format!("K >= {}; the map has no finite K to compare", lower_bound(bound)),
         (None, _) => "none applies to this map, so no gap is known".into(),
     }
 }
@@ -212,17 +213,6 @@ fn scope_in_short(scope: Scope) -> &'static str {
         Scope::Shape => "all of the solid",
         Scope::ShapeFixedTrace => "with radial trace",
         Scope::MeshFixedBoundary => "PL on this mesh",
-    }
-}
-
-/// A dilatation in at most 9 characters.
-pub(crate) fn number(x: f64) -> String {
-    if !x.is_finite() {
-        "inf".into()
-    } else if x < 1e4 {
-        format!("{x:.4}")
-    } else {
-        format!("{x:.3e}")
     }
 }
 
@@ -251,12 +241,12 @@ fn bottleneck_in_words(bottleneck: &Bottleneck, decimals: usize) -> String {
 
 /// Decimals of a length in a solid of this volume (in its units cubed): four, and in small units as many as four figures of
 /// the solid's size take.
-fn decimals(volume: f64) -> usize {
+pub(super) fn decimals(volume: f64) -> usize {
     4 + (-volume.cbrt().log10().ceil()).clamp(0.0, 300.0) as usize
 }
 
 /// A point in the domain; no `-0.0000`, which another order of sums would turn into `0.0000`.
-fn point(coordinates: [f64; 3], decimals: usize) -> String {
+pub(super) fn point(coordinates: [f64; 3], decimals: usize) -> String {
     let without_sign_of_zero = |text: String| match text.strip_prefix('-') {
         Some(digits) if digits.bytes().all(|byte| matches!(byte, b'0' | b'.')) => digits.to_owned(),
         _ => text,

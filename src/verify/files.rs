@@ -11,6 +11,9 @@ use crate::mesh::Vec3;
 use crate::mesh::io::{CellData, TetFile, read_tet_file};
 use crate::report::CellRow;
 
+/// What to do about a file that is missing or broken.
+const REMEDY: &str = "copy it from where it was written, or run the config again";
+
 /// The folder's content.
 pub(super) struct Files {
     pub report: Value,
@@ -28,8 +31,16 @@ pub(super) struct Files {
 /// The report as JSON.
 pub(super) fn report(folder: &Path) -> Result<Value, VerifyError> {
     let refuse = |message: String| VerifyError::NoReport { folder: folder.into(), message };
-    let text = std::fs::read_to_string(folder.join("report.json"))
-        .map_err(|error| refuse(format!("its report.json cannot be read ({error})")))?;
+    let text = std::fs::read_to_string(folder.join("report.json")).map_err(|error| {
+        let has = |name: &str| folder.join(name).exists();
+        if has("cases") || has("index.csv") {
+            VerifyError::Sweep { folder: folder.into() }
+        } else if has("table.md") {
+            VerifyError::Tables { folder: folder.into() }
+        } else {
+            refuse(format!("its report.json cannot be read ({error})"))
+        }
+    })?;
     let report: Value =
         serde_json::from_str(&text).map_err(|error| refuse(format!("its report.json is no JSON ({error})")))?;
     match report.get("final") {
@@ -41,14 +52,24 @@ pub(super) fn report(folder: &Path) -> Result<Value, VerifyError> {
 impl Files {
     /// Reads the rest; nothing if the files make no map, which is then among the findings.
     pub fn read(folder: &Path, report: Value, findings: &mut Findings) -> Option<Self> {
-        findings.begin("all six files are there and can be read");
-        let [domain, image] = ["domain.vtu", "image.vtu"]
-            .map(|name| read_tet_file(&folder.join(name)).map_err(|error| findings.found(error.to_string())).ok());
+        findings.begin("the files of a run, and certificate.json if it is there, can be read");
+        let [domain, image] = ["domain.vtu", "image.vtu"].map(|name| {
+            let read = read_tet_file(&folder.join(name));
+            read.map_err(|error| findings.found(format!("{error}; {REMEDY}"))).ok()
+        });
         let cells = table::<CellRow>(&folder.join("cells.csv"), findings);
         let trace = table::<TraceColumns>(&folder.join("trace.csv"), findings);
         let summary = std::fs::read_to_string(folder.join("summary.txt"))
-            .map_err(|error| findings.found(format!("summary.txt cannot be read: {error}")))
+            .map_err(|error| findings.found(format!("summary.txt cannot be read: {error}; {REMEDY}")))
             .ok();
+        let certificate = folder.join("certificate.json");
+        let certificate = match certificate.exists().then(|| std::fs::read_to_string(&certificate)).transpose() {
+            Ok(text) => text,
+            Err(error) => {
+                findings.found(format!("certificate.json cannot be read: {error}; {REMEDY}"));
+                None
+            }
+        };
         let (domain, image, cells, trace, summary) = (domain?, image?, cells?, trace?, summary?);
 
         findings.begin("domain.vtu and image.vtu have the same tets, and the same data on them as cells.csv");
@@ -71,14 +92,6 @@ impl Files {
         let mesh = TetMesh::new(domain.soup.points, domain.soup.tets).map_err(|error| error.to_string());
         let domain = mesh.and_then(|mesh| Domain::new(mesh).map_err(|error| error.to_string()));
         let domain = domain.map_err(|error| findings.found(format!("domain.vtu: {error}"))).ok()?;
-        let certificate = folder.join("certificate.json");
-        let certificate = match certificate.exists().then(|| std::fs::read_to_string(&certificate)).transpose() {
-            Ok(text) => text,
-            Err(error) => {
-                findings.found(format!("certificate.json cannot be read: {error}"));
-                None
-            }
-        };
         let trace = trace.into_iter().map(|row| (row.iteration, row.max_k, row.mean_k)).collect();
         Some(Self { report, domain, image: image.soup.points, cells, trace, summary, certificate })
     }
@@ -95,7 +108,7 @@ struct TraceColumns {
 fn table<Row: serde::de::DeserializeOwned>(path: &Path, findings: &mut Findings) -> Option<Vec<Row>> {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let rows = csv::Reader::from_path(path).and_then(|mut reader| reader.deserialize().collect());
-    rows.map_err(|error| findings.found(format!("{name} cannot be read: {error}"))).ok()
+    rows.map_err(|error| findings.found(format!("{name} cannot be read: {error}; {REMEDY}"))).ok()
 }
 
 /// Compares the scalars on a mesh's cells with the rows of `cells.csv`, to the bit: both hold all digits.

@@ -22,12 +22,28 @@ use files::Files;
 #[derive(Debug, thiserror::Error)]
 pub enum VerifyError {
     /// There is no report.
-    #[error("{} is not a results folder: {message}; name one that `qcball run` wrote", folder.display())]
+    #[error("{} is not the folder of a run: {message}; name one that `qcball run` wrote", folder.display())]
     NoReport {
         /// The folder.
         folder: PathBuf,
         /// What is missing.
         message: String,
+    },
+    /// The folder of a sweep, whose cases have the reports.
+    #[error(
+        "{0} is the folder of a sweep; verify its cases one by one, for example `qcball verify {0}/cases/ID` with an id from \
+         index.csv",
+        folder.display()
+    )]
+    Sweep {
+        /// The folder.
+        folder: PathBuf,
+    },
+    /// The folder of a comparison of maps in closed form.
+    #[error("{} holds the tables of a config with [analytic], which are not verified: only runs of [domain] are", folder.display())]
+    Tables {
+        /// The folder.
+        folder: PathBuf,
     },
 }
 
@@ -117,7 +133,7 @@ impl fmt::Display for Verification {
             writeln!(f, "            and {} more; --json lists all", self.discrepancies.len() - NAMED)?;
         }
         if let Some(upper) = self.max_k_upper {
-            writeln!(f, "max K <=    {upper:.12} for exactly the positions in image.vtu")?;
+            writeln!(f, "max K <= {upper} for exactly the positions in image.vtu")?;
         }
         writeln!(f, "{}", if self.verified { "verified" } else { "NOT verified" })
     }

@@ -80,6 +80,18 @@ pub enum AnalyticMap {
     Composition(Composition),
 }
 
+/// The maps of the command line, but for a composition, which is easier made by several calls; the last one is [`Caraman::new`], from the mesh that it is applied to.
+const NAMES: &str = "affine, folding, cone, power, zorich1, zorich2, zorich and caraman";
+
+/// A value of a parameter without a default.
+fn example(key: &str) -> &'static str {
+    match key {
+        "matrix" => "\"[[2, 0, 0], [0, 1, 0], [0, 0, 1]]\"",
+        "maps" => "\"[{ kind = 'folding', ratio = 1.5 }]\"",
+        _ => "1.5",
+    }
+}
+
 /// What every map in closed form knows of itself.
 trait ClosedForm {
     /// The name in messages.
@@ -133,7 +145,8 @@ impl AnalyticMap {
     /// The map with the given name and parameters `key=value`; a value is written as in TOML (`[1, 0, 0]`).
     ///
     /// # Errors
-    /// An unknown name or key, a missing one, a value of the wrong type or out of range.
+    /// An unknown name or key, a missing one, a value of the wrong type or out of range. `caraman`, which needs a
+    /// surface, is not made from words.
     pub fn from_words(name: &str, words: &[String]) -> Result<Self, MapError> {
         let mut table = toml::Table::new();
         for word in words {
@@ -150,7 +163,13 @@ impl AnalyticMap {
         }
         table.insert("kind".into(), name.into());
         let map: Self = table.try_into().map_err(|error: toml::de::Error| {
-            MapError::Words(format!("the map {name}: {}", error.message().trim_end()))
+            let message = error.message().trim_end();
+            let missing = message.strip_prefix("missing field `").and_then(|rest| rest.strip_suffix('`'));
+            MapError::Words(match missing {
+                _ if message.starts_with("unknown variant") => format!("there is no map `{name}`; there are {NAMES}"),
+                Some(key) => format!("the map {name}: `{key}` is missing; write for example {key}={}", example(key)),
+                None => format!("the map {name}: {message}"),
+            })
         })?;
         map.check()?;
         Ok(map)

@@ -9,8 +9,10 @@ use super::chart::{Axis, Chart, Series, Style};
 use super::page::{Page, chart, paragraph, text};
 use super::surfaces::{CellValues, surfaces};
 use super::{PageError, read_text};
+use crate::dilatation;
 use crate::mesh::io::read_tets;
 use crate::mesh::{Boundary, TetMesh};
+use crate::report::summary::{decimals, point};
 
 /// Bins of a histogram of K.
 const BINS: usize = 48;
@@ -73,13 +75,13 @@ pub(super) fn page(folder: &Path) -> Result<Page, PageError> {
 
 /// A dilatation with four decimals; `null` stands for infinity.
 fn number(value: &Value) -> String {
-    value.as_f64().map_or_else(|| "inf".into(), crate::report::summary::number)
+    value.as_f64().map_or_else(|| "inf".into(), dilatation::number)
 }
 
 fn in_short(report: &Value, summary: &str) -> String {
     let of = |pointer: &str| number(report.pointer(pointer).unwrap_or(&Value::Null));
-    let gap = report["gap"].as_f64().map_or_else(|| "none".into(), |gap| format!("{gap:.4}"));
-    let bound = report["best_bound"].as_f64().map_or_else(|| "none".into(), crate::report::summary::number);
+    let gap = report["gap"].as_f64().map_or_else(|| "none".into(), dilatation::upper_bound);
+    let bound = report["best_bound"].as_f64().map_or_else(|| "none".into(), dilatation::lower_bound);
     let bijective = report["bijective"] == true;
     let cards = [
         ("largest K", of("/final/max_k")),
@@ -164,7 +166,8 @@ fn place(report: &Value) -> Option<(Vec<usize>, [f64; 3])> {
 }
 
 fn bottleneck(report: &Value) -> Option<String> {
-    let (vertices, [x, y, z]) = place(report)?;
+    let (vertices, position) = place(report)?;
+    let decimals = decimals(report["domain"]["volume"].as_f64().unwrap_or(1.0));
     let bottleneck = &report["bottleneck"];
     let kind = match vertices.len() {
         1 => "vertex",
@@ -176,10 +179,10 @@ fn bottleneck(report: &Value) -> Option<String> {
     let others = if count > 1 { format!(", one of {count} such places") } else { String::new() };
     let inside = if bottleneck["interior"] == true { "inside the solid, nearest to" } else { "at" };
     Some(format!(
-        "The bottleneck: {} tets have a K within 0.1 % of the largest, {inside} the {kind} {} at ({x:.4}, {y:.4}, \
-         {z:.4}){others}. It is marked in the viewer.",
+        "The bottleneck: {} tets have a K within 0.1 % of the largest, {inside} the {kind} {} at {}{others}. It is marked in the viewer.",
         bottleneck["active"],
-        vertices.join("-")
+        vertices.join("-"),
+        point(position, decimals)
     ))
 }
 
@@ -274,7 +277,7 @@ fn convergence(trace: &[Row]) -> Chart {
     let series = |name: &str, colour: usize, value: fn(&Row) -> f64| {
         let points = trace.iter().enumerate().map(|(index, row)| [index as f64, value(row)]).collect();
         let hover = trace.iter().map(|row| {
-            format!("{}, iteration {}: {name} {}", row.phase, row.iteration, crate::report::summary::number(value(row)))
+            format!("{}, iteration {}: {name} {}", row.phase, row.iteration, dilatation::number(value(row)))
         });
         Series { hover: hover.collect(), ..Series::new(name, colour, Style::Line, points) }
     };
@@ -308,14 +311,16 @@ fn ladder(report: &Value) -> Chart {
         };
         let [name, of, scope, reason, source] =
             ["name", "kind", "scope", "reason", "source"].map(|key| bound[key].as_str().unwrap_or("?"));
-        let hover = format!("{name}: {of} >= {value:.4}<br>{scope}<br>{reason}<br>{source}");
-        rungs.push((kind, value, format!("{name} {of}"), hover));
+        let shown = dilatation::lower_bound(value);
+        let hover = format!("{name}: {of} >= {shown}<br>{scope}<br>{reason}<br>{source}");
+        rungs.push((kind, value, format!("{name} {of} {shown}"), hover));
     }
     let maps =
         [(3, "/final/max_k", "final map"), (4, "/initial/max_k", "start"), (4, "/radial_smooth_k", "radial, smooth")];
     for (kind, pointer, name) in maps {
         if let Some(value) = report.pointer(pointer).and_then(Value::as_f64) {
-            rungs.push((kind, value, name.into(), format!("{name}: largest K {value:.4}")));
+            let shown = dilatation::number(value);
+            rungs.push((kind, value, format!("{name} {shown}"), format!("{name}: largest K {shown}")));
         }
     }
     rungs.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
@@ -326,7 +331,7 @@ fn ladder(report: &Value) -> Chart {
         (!points.is_empty()).then(|| Series { hover, ..Series::new(name, colour, Style::Bars, points) })
     });
     let series = series.collect();
-    let names = rungs.iter().map(|rung| format!("{} {}", rung.2, crate::report::summary::number(rung.1))).collect();
+    let names = rungs.iter().map(|rung| rung.2.clone()).collect();
     Chart {
         id: "bounds".into(),
         title: "Lower bounds, and what the maps reach".into(),
@@ -344,7 +349,7 @@ fn bounds_table(report: &Value) -> String {
         let yes = |key: &str| if bound[key] == true { "yes" } else { "no" };
         format!(
             "<tr><td>{name}</td><td>{of} &ge; {}</td><td>{}</td><td>{}</td><td>{scope}; {reason}</td><td>{source}</td></tr>\n",
-            number(&bound["value"]),
+            bound["value"].as_f64().map_or_else(|| "?".into(), dilatation::lower_bound),
             yes("certified"),
             yes("applies")
         )
@@ -355,4 +360,20 @@ fn bounds_table(report: &Value) -> String {
          <th>value</th><th>proved</th><th>applies</th><th>for which maps</th><th>source</th></tr></thead><tbody>{rows}\
          </tbody></table></div></details>\n"
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_bottleneck_of_a_small_solid_has_digits() {
+        // A solid some 0.00126 across: four figures take six decimals.
+        let report = json!({
+            "domain": { "volume": 2e-9 },
+            "bottleneck": { "active": 3, "places": 1, "interior": false, "place": { "vertex": 5, "position": [0.00123, 0.0, -1e-9] } }
+        });
+        let words = bottleneck(&report).unwrap();
+        assert!(words.contains("the vertex 5 at (0.001230, 0.000000, 0.000000)"), "{words}");
+    }
 }

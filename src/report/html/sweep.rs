@@ -7,6 +7,7 @@ use serde_json::Value;
 use super::chart::{Axis, Chart, Series, Style};
 use super::page::{Page, chart, paragraph, text};
 use super::{PageError, read_text};
+use crate::dilatation::lower_bound;
 
 /// The columns that a table starts with; the settings follow, then the results.
 const FIRST: [&str; 3] = ["case", "id", "status"];
@@ -210,7 +211,11 @@ fn table(index: &Index) -> String {
         rows += "<tr>";
         for &(name, group) in &columns {
             let value = group.map_or(&case[name], |group| &case[group][name]);
-            let shown = text(&if group == Some("results") { result(value) } else { plain(value) });
+            let shown = text(&match (name, group) {
+                ("best_bound", Some("results")) => value.as_f64().map(lower_bound).unwrap_or_default(),
+                (_, Some("results")) => result(value),
+                _ => plain(value),
+            });
             rows += &match (name, case["status"] == "done") {
                 ("id", true) => format!("<td><a href=\"cases/{shown}/\">{shown}</a></td>"),
                 _ if value.is_number() => format!("<td class=\"number\">{shown}</td>"),
