@@ -47,16 +47,22 @@ pub(super) struct Dual {
 }
 
 impl Dual {
-    /// How much must be multiplied to the multipliers of upper bounds so that the trace condition of a level is an equality.
-    pub(super) fn stretch(&self, level: Level) -> f64 {
+    /// What R and rho, and what W must be multiplied by so that the trace condition of a level is an equality: W by no more than
+    /// 1, since larger R and rho lower Q everywhere, and a larger W does not.
+    pub(super) fn stretch(&self, level: Level) -> [f64; 2] {
         let [eta, e] = self.determinant;
         // Many more digits than the determinant where T is nearly singular, and as much as the check will find.
         let mean = self.volume.cholesky().map_or(0.0, |factor| factor.l_dirty().diagonal().product().powi(2).cbrt());
         let earned = self.lower.trace() + level.middle * (3.0 * mean + 1.5 * eta * e);
-        let paid = level.ratio * self.upper.trace()
-            + level.trace * self.trace
-            + level.root * level.middle * self.cofactor.singular_values().sum();
-        if paid > 0.0 { earned / paid } else { 1.0 }
+        let bounds = level.ratio * self.upper.trace() + level.trace * self.trace;
+        let cofactor = level.root * level.middle * self.cofactor.singular_values().sum();
+        if earned >= bounds + cofactor && bounds > 0.0 {
+            [(earned - cofactor) / bounds, 1.0]
+        } else if bounds + cofactor > 0.0 {
+            [earned / (bounds + cofactor); 2]
+        } else {
+            [1.0; 2]
+        }
     }
 
     /// A size to compare tets by.

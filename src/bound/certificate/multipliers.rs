@@ -23,7 +23,7 @@ pub(super) struct Multipliers {
 }
 
 impl Multipliers {
-    /// The multipliers that were found times `scale`, R, rho and W stretched so that they pass the trace condition of
+    /// The multipliers that were found times `scale`, R, rho and W multiplied so that they pass the trace condition of
     /// `level` with little to spare.
     pub(super) fn of(dual: &Dual, level: Level, scale: f64) -> Self {
         /// Left for the rounding of the traces and factors.
@@ -35,12 +35,12 @@ impl Multipliers {
                 [l[(0, 0)], l[(1, 0)], l[(1, 1)], l[(2, 0)], l[(2, 1)], l[(2, 2)]]
             })
         };
-        let stretch = (1.0 - SPARE) * dual.stretch(level) * scale;
+        let [stretch, of_cofactor] = dual.stretch(level).map(|stretch| (1.0 - SPARE) * stretch * scale);
         let mut cofactor = [[0.0; 9]; 2];
         let svd = dual.cofactor.svd(true, true);
         if let (Some(u), Some(v_t)) = (svd.u, svd.v_t) {
             for (index, (row, column)) in (0..9).map(|index| (index, (index / 3, index % 3))) {
-                let root = (svd.singular_values[column] * stretch).sqrt();
+                let root = (svd.singular_values[column] * of_cofactor).sqrt();
                 cofactor[0][index] = u[(row, column)] * root;
                 cofactor[1][index] = v_t[(column, row)] * root;
             }

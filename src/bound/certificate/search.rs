@@ -304,12 +304,6 @@ impl<'a> Search<'a> {
         let mut first = 1.0;
         for accuracy in SLACKS {
             let centred = problem.maximize_slack(first, accuracy, deadline);
-            eprintln!(
-                "DBG lifted {} level {} acc {accuracy} centred {centred} slack {}",
-                free.len(),
-                log.exp(),
-                problem.slack()
-            );
             let Some(slope) = problem.slope().filter(|slope| *slope > 0.0) else { return false };
             let next = log - (problem.slack() + 0.5 * problem.accuracy()) / slope;
             if let Some(duals) = problem.duals() {
@@ -473,12 +467,16 @@ mod tests {
         let measured = measure(&domain, &image);
         let deadline = Instant::now() + MINUTE;
         let mut search = Search { domain: &domain, image: &image, measured: &measured, deadline, best: None };
-        let hub = (0..).map(VertexId).find(|&v| !domain.boundary().contains(v)).unwrap();
-        let free = search.grown(vec![hub], 4);
-        assert!(search.lifted(&free, deadline));
-        // A level that is proved without a box is proved for the parts, too: their problems are smaller.
-        let level = 0.9 * search.best_log();
-        let good = search.split(&free, hub, level).unwrap();
+        // A level well below one that is proved without a box.
+        let places = search.places();
+        let split = |free: Vec<VertexId>| {
+            let free = search.grown(free, 3);
+            search.best = None;
+            search.lifted(&free, deadline);
+            let level = 0.8 * search.best_log();
+            Some((search.split(&free, free[0], level).filter(|_| level > 0.0)?, level))
+        };
+        let (good, level) = places.into_iter().find_map(split).unwrap();
         assert_eq!(check(&good, &domain, &image), Ok(level.exp()));
         let read: Certificate = serde_json::from_str(&good.to_json()).unwrap();
         assert_eq!(read, good);
@@ -502,8 +500,10 @@ mod tests {
         malformed(&|_, split| split.vertex = domain.boundary().triangles()[0][0].0);
         malformed(&|_, split| split.vertex = u32::MAX);
         malformed(&|_, split| split.outside[0].certificate.split = Some(Box::new(split.clone())));
-        let condition = rejected(&|bad, _| bad.level *= 0.999);
-        assert!(matches!(condition, Rejection::TraceCondition { .. } | Rejection::NotNegative), "{condition}");
+        let condition = rejected(&|bad, _| bad.level *= 1.001);
+        assert!(matches!(condition, Rejection::TraceCondition { .. }), "{condition}");
+        let condition = rejected(&|bad, _| bad.lower.iter_mut().flatten().for_each(|entry| *entry *= 0.9));
+        assert!(matches!(condition, Rejection::TraceCondition { .. }), "{condition}");
         let condition = rejected(&|_, split| split.outside[5].certificate.level *= 1.001);
         assert!(matches!(condition, Rejection::TraceCondition { .. }), "{condition}");
         // Far from where the vertex can be, the walls leave everything to be proved by the proof for the box, and nothing was.
