@@ -90,10 +90,8 @@ pub fn search(domain: &Domain, image: &[Vec3], time_limit: Duration) -> Option<C
     let mut places: Vec<(f64, Vec<TetId>)> =
         stars(domain, &measured).into_par_iter().filter_map(level_around).collect();
     places.sort_by(|a, b| b.0.total_cmp(&a.0));
-    for (level, mut tets) in places.into_iter().take(FINALISTS) {
-        if level < search.best_log() {
-            break;
-        }
+    // Also where the level is below the best one: more rings may raise it.
+    for (_, mut tets) in places.into_iter().take(FINALISTS) {
         let mut reached = f64::NEG_INFINITY;
         while tets.len() <= MOST_TETS && Instant::now() < search.deadline {
             let Some(level) = search.on(tets.clone()) else { break };
