@@ -1,5 +1,6 @@
-//! The two pieces of linear algebra that need care here: the 3x3 singular value decomposition and the sparse SPD solve.
+//! The linear algebra that needs care here: intervals, the 3x3 singular value decomposition, the sparse SPD solve.
 
+pub(crate) mod interval;
 mod iterative;
 mod ordering;
 mod pattern;

@@ -1,10 +1,10 @@
 //! The check of a certificate: interval arithmetic and one sparse Cholesky factorization with an a-priori error bound.
 
 use super::Rejection;
-use super::interval::{Interval, cross, dot};
 use super::multipliers::Multipliers;
 use crate::domain::Domain;
 use crate::linalg::BlockCholesky;
+use crate::linalg::interval::{Interval, cross, dot};
 use crate::mesh::{TetId, Vec3, VertexId};
 
 /// Solutions of the maximiser with the gradient taken anew: the factor is that of a shifted matrix.

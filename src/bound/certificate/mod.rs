@@ -66,7 +66,6 @@
 
 mod check;
 mod dual;
-mod interval;
 mod lifted;
 mod moments;
 mod multipliers;

@@ -1,7 +1,7 @@
 //! The multipliers of one tet: how they come from a search, and the trace condition, rounded to the safe side.
 
 use super::dual::{Dual, Level};
-use super::interval::{Interval, dot};
+use crate::linalg::interval::{Interval, dot};
 use crate::mesh::Mat3;
 
 /// The multipliers of one tet; S, T and R as their Cholesky factors and W as a product, so that nothing has to be shown of

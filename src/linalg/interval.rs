@@ -1,4 +1,4 @@
-//! Interval arithmetic with outward rounding, for the check of a certificate.
+//! Interval arithmetic with outward rounding, for whatever is called proved.
 
 use std::ops::{Add, Mul, Neg, Sub};
 
@@ -7,17 +7,17 @@ use std::ops::{Add, Mul, Neg, Sub};
 /// Every operation rounds to the nearest number, as IEEE 754 prescribes for +, -, * and /, and then takes the next number
 /// outward, so that the result encloses the exact one. Where an operand overflows it is the whole line.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Interval {
-    pub(super) lower: f64,
-    pub(super) upper: f64,
+pub(crate) struct Interval {
+    pub(crate) lower: f64,
+    pub(crate) upper: f64,
 }
 
 impl Interval {
-    pub(super) const ZERO: Self = Self::exactly(0.0);
+    pub(crate) const ZERO: Self = Self::exactly(0.0);
     const WHOLE: Self = Self { lower: f64::NEG_INFINITY, upper: f64::INFINITY };
 
     /// A number without error.
-    pub(super) const fn exactly(value: f64) -> Self {
+    pub(crate) const fn exactly(value: f64) -> Self {
         Self { lower: value, upper: value }
     }
 
@@ -30,17 +30,17 @@ impl Interval {
     }
 
     /// A number near the middle.
-    pub(super) fn middle(self) -> f64 {
+    pub(crate) fn middle(self) -> f64 {
         0.5 * self.lower + 0.5 * self.upper
     }
 
     /// How far the interval reaches from `centre`, rounded up.
-    pub(super) fn distance_from(self, centre: f64) -> f64 {
+    pub(crate) fn distance_from(self, centre: f64) -> f64 {
         (self.upper - centre).max(centre - self.lower).next_up()
     }
 
     /// The reciprocal; nothing if the interval contains zero or is not bounded.
-    pub(super) fn reciprocal(self) -> Option<Self> {
+    pub(crate) fn reciprocal(self) -> Option<Self> {
         let bounded = self.lower.is_finite() && self.upper.is_finite();
         (bounded && (self.lower > 0.0 || self.upper < 0.0)).then(|| Self::around(1.0 / self.upper, 1.0 / self.lower))
     }
@@ -87,12 +87,12 @@ impl Mul for Interval {
 }
 
 /// `a . b`.
-pub(super) fn dot(a: [Interval; 3], b: [Interval; 3]) -> Interval {
+pub(crate) fn dot(a: [Interval; 3], b: [Interval; 3]) -> Interval {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// `a x b`.
-pub(super) fn cross(a: [Interval; 3], b: [Interval; 3]) -> [Interval; 3] {
+pub(crate) fn cross(a: [Interval; 3], b: [Interval; 3]) -> [Interval; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
