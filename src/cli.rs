@@ -1,6 +1,7 @@
 //! The command line: arguments in, exit code out. Numbers go to standard output, everything else to standard error.
 
 mod bench;
+mod evaluate;
 mod interrupt;
 mod map;
 mod measure;
@@ -52,6 +53,8 @@ enum Command {
     Verify(verify::VerifyArguments),
     /// Apply a map with a formula (affine, folding, cone, power, zorich, caraman ...) to the vertices of a mesh.
     Map(map::MapArguments),
+    /// Give the images of points under the map of a results folder, or the points that go to given ones.
+    Evaluate(evaluate::EvaluateArguments),
     /// Draw a mesh, or a map beside its domain, cut open and coloured: a PNG without a display.
     Picture(picture::PictureArguments),
     /// Optimize every mesh of a folder and write a table of the results, beside those of other programs.
@@ -127,6 +130,8 @@ pub(crate) enum Failure {
     #[error(transparent)]
     Map(#[from] map::MapFailure),
     #[error(transparent)]
+    Evaluate(#[from] evaluate::EvaluateFailure),
+    #[error(transparent)]
     Page(#[from] PageError),
     #[error(transparent)]
     Picture(#[from] picture::PictureFailure),
@@ -150,6 +155,7 @@ pub fn main() -> ExitCode {
         Command::Sweep(arguments) => sweep::sweep(&arguments),
         Command::Verify(arguments) => verify::verify_folder(&arguments),
         Command::Map(arguments) => map::map(&arguments),
+        Command::Evaluate(arguments) => evaluate::evaluate(&arguments),
         Command::Picture(arguments) => picture::picture(&arguments),
         Command::Bench(arguments) => bench::bench(&arguments),
         Command::Report { folder } => report(&folder),

@@ -231,7 +231,7 @@
 //! | [`mesh`] | ids, tet meshes, boxes and soups, topology, sharp features, full boundary; `io`: a format a file |
 //! | [`solid`] | built-in solids, closed surfaces and their invariants, star kernel and centre, the shell mesher, voxels |
 //! | [`domain`] | a mesh that is a ball, with reference gradients and volumes |
-//! | [`map`] | the radial map; whether a map is bijective; `analytic`: maps in closed form |
+//! | [`map`] | the radial map; whether a map is bijective; a map and its inverse at any points; `analytic`: maps in closed form |
 //! | [`mod@measure`] | dilatations of all tets, their quantiles, the active tets, the bottleneck |
 //! | [`estimate`] | the paper's estimates of K at vertices and cells, of tets and hexahedra |
 //! | [`picture`] | pictures of meshes and maps without a display, and the same figures as data |

@@ -1,9 +1,13 @@
-//! Maps of a domain: the radial map to the unit ball, maps in closed form, and whether a map is bijective.
+//! Maps of a domain: the radial map to the unit ball, maps in closed form, whether a map is bijective, and a map and its
+//! inverse at any points.
 
 pub mod analytic;
 mod bijective;
+mod evaluate;
+mod locate;
 mod radial;
 
 pub use analytic::AnalyticMap;
 pub use bijective::{Bijectivity, bijectivity};
-pub use radial::{RadialCoordinates, RayEnd, RayError, by_ray_casting, caraman};
+pub use evaluate::{Evaluator, EvaluatorError, Located, Onto};
+pub use radial::{RadialCoordinates, RayEnd, RayError, Rays, by_ray_casting, caraman};

@@ -58,12 +58,47 @@ pub enum RayEnd {
     Farthest,
 }
 
-/// The coordinates of any points of the solid inside `surface`, by casting a ray from the centre through each.
-///
-/// In the cone of a triangle that the ray meets, with corners a, b, c seen from the centre, x = la + mb + nc and
-/// u = l + m + n. Of a star-shaped solid the triangle of the largest least coefficient is taken, so a ray through an edge
-/// or a vertex finds one of its triangles, all of which give the same u up to rounding. A point up to rounding outside has u
-/// clamped to 1.
+/// The boundary of a solid as a centre sees it: where the rays from the centre end. Kept for many rays.
+pub struct Rays {
+    cones: Vec<Cone>,
+    hierarchy: Bvh<f64, 3>,
+    /// The largest coordinate of a boundary point, from the centre.
+    size: f64,
+}
+
+impl Rays {
+    /// The rays from `centre` to `surface`.
+    pub fn new(surface: &Surface, centre: Vec3) -> Self {
+        let size = surface.points().iter().map(|p| (p - centre).amax()).fold(0.0, f64::max);
+        let cone = |triangle| Cone::new(surface, centre, TriangleId(triangle), 1e-9 * size);
+        let mut cones: Vec<Cone> = (0..surface.triangles().len() as u32).map(cone).collect();
+        let hierarchy = Bvh::build(&mut cones);
+        Self { cones, hierarchy, size }
+    }
+
+    /// One over the length of the ray in a direction, a unit vector; `None` if it misses the surface by more than rounding.
+    ///
+    /// In the cone of a triangle that the ray meets, with corners a, b, c seen from the centre, the direction is la + mb + nc and
+    /// l + m + n is the value. Of a star-shaped solid the triangle of the largest least coefficient is taken, so a ray through an
+    /// edge or a vertex finds one of its triangles, all of which give the same up to rounding.
+    pub fn reciprocal_length(&self, direction: &Vec3, end: RayEnd) -> Option<f64> {
+        let ray = Ray::new(Point3::origin(), *direction);
+        // Rounding leaves the coefficients of a hit at an edge above -1e-9 of their sum.
+        let hits = self
+            .hierarchy
+            .traverse_iterator(&ray, &self.cones)
+            .filter_map(|cone| cone.coefficients(direction))
+            .filter(|weights| weights.min() >= -1e-9 * weights.sum());
+        let hit = match end {
+            RayEnd::Only => hits.max_by(|a, b| a.min().total_cmp(&b.min())),
+            RayEnd::Farthest => hits.min_by(|a, b| a.sum().total_cmp(&b.sum())),
+        };
+        hit.map(|weights| weights.sum())
+    }
+}
+
+/// The coordinates of any points of the solid inside `surface`, by casting a ray from the centre through each. A point up to
+/// rounding outside has u clamped to 1.
 ///
 /// # Errors
 /// [`RayError`] if a ray misses the surface by more than rounding.
@@ -73,32 +108,18 @@ pub fn by_ray_casting(
     points: &[Vec3],
     end: RayEnd,
 ) -> Result<Vec<RadialCoordinates>, RayError> {
-    let size = surface.points().iter().map(|p| (p - centre).amax()).fold(0.0, f64::max);
-    let mut cones: Vec<Cone> =
-        (0..surface.triangles().len() as u32).map(|t| Cone::new(surface, centre, TriangleId(t), 1e-9 * size)).collect();
-    let hierarchy = Bvh::build(&mut cones);
+    let rays = Rays::new(surface, centre);
     points
         .par_iter()
         .enumerate()
         .map(|(index, point)| {
             let offset = point - centre;
-            if offset.norm() <= f64::EPSILON * size {
+            if offset.norm() <= f64::EPSILON * rays.size {
                 return Ok(RadialCoordinates { fraction: 0.0, direction: Vec3::zeros() });
             }
             let direction = offset.normalize();
-            let ray = Ray::new(Point3::origin(), direction);
-            // Coefficients of the unit vector: their sum is one over the distance of the boundary point. Rounding leaves
-            // those of a hit at an edge above -1e-9 of that.
-            let hits = hierarchy
-                .traverse_iterator(&ray, &cones)
-                .filter_map(|cone| cone.coefficients(&direction))
-                .filter(|weights| weights.min() >= -1e-9 * weights.sum());
-            let hit = match end {
-                RayEnd::Only => hits.max_by(|a, b| a.min().total_cmp(&b.min())),
-                RayEnd::Farthest => hits.min_by(|a, b| a.sum().total_cmp(&b.sum())),
-            };
-            let weights = hit.ok_or(RayError { point: index })?;
-            Ok(RadialCoordinates { fraction: (offset.norm() * weights.sum()).min(1.0), direction })
+            let reciprocal = rays.reciprocal_length(&direction, end).ok_or(RayError { point: index })?;
+            Ok(RadialCoordinates { fraction: (offset.norm() * reciprocal).min(1.0), direction })
         })
         .collect()
 }

@@ -3,6 +3,8 @@
 use crate::mesh::io::tet_file::{CellData, Cells, TetFile};
 use crate::mesh::io::tokens::Fault;
 
+/// The number of a single point.
+pub(super) const VERTEX: u8 = 1;
 /// The number of a segment.
 pub(super) const LINE: u8 = 3;
 /// The number of a triangle.

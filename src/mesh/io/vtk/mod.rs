@@ -17,4 +17,4 @@ pub(super) use legacy::parse as parse_legacy;
 pub(super) use write_legacy::write_legacy;
 pub(super) use xml::parse as parse_xml;
 
-pub use write_xml::{DataArray, Values, write_hexahedra_vtu, write_surface_vtu, write_vtu};
+pub use write_xml::{DataArray, Values, write_hexahedra_vtu, write_points_vtu, write_surface_vtu, write_vtu};

@@ -13,7 +13,7 @@ use flate2::Compression;
 use flate2::write::ZlibEncoder;
 use quick_xml::escape::escape;
 
-use super::cells::{HEXAHEDRON, LINE, TETRA, TRIANGLE};
+use super::cells::{HEXAHEDRON, LINE, TETRA, TRIANGLE, VERTEX};
 use crate::mesh::io::{WriteError, write_atomically};
 use crate::mesh::{Vec3, VertexId};
 
@@ -107,6 +107,18 @@ pub fn write_surface_vtu(
     let cells = triangles.iter().map(|triangle| (TRIANGLE, triangle.as_slice()));
     let cells: Vec<(u8, &[VertexId])> = cells.chain(edges.iter().map(|edge| (LINE, edge.as_slice()))).collect();
     write_cells(path, points, &cells, point_data, cell_data)
+}
+
+/// Writes points, each a cell of its own, with data on them.
+///
+/// # Errors
+/// The path and the system's reason.
+///
+/// # Panics
+/// When an array has not one entry a point.
+pub fn write_points_vtu(path: &Path, points: &[Vec3], point_data: &[DataArray]) -> Result<(), WriteError> {
+    let cells: Vec<[VertexId; 1]> = (0..points.len() as u32).map(|point| [VertexId(point)]).collect();
+    write_grid(path, points, VERTEX, &cells, point_data, &[])
 }
 
 /// Writes cells of one type, their corners in VTK's order.

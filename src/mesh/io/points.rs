@@ -1,0 +1,138 @@
+//! Lists of points: rows of a CSV file, or the points of a mesh or a surface.
+
+use std::io;
+use std::path::Path;
+
+use super::vtk::{DataArray, write_points_vtu, write_vtu};
+use super::{ReadError, WriteError, ending_of, holds_a_surface, read_surface, read_tets, write_atomically};
+use crate::mesh::{Vec3, VertexId};
+
+const USE_POINT_ENDING: &str = "use .csv or .vtu";
+
+/// Points with what their file says beside them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PointTable {
+    /// The positions, to the bit.
+    pub points: Vec<Vec3>,
+    /// The tets, if the file is a mesh of tets.
+    pub tets: Vec<[VertexId; 4]>,
+    /// The names of a CSV file's columns, else x, y and z.
+    header: Vec<String>,
+    /// A CSV file's rows, as they are written there.
+    rows: Vec<Vec<String>>,
+}
+
+/// Reads points: the columns x, y and z of a `.csv` file, whose first line names its columns, or all points of a mesh or surface
+/// in any format of [`read_tets`] and [`super::read_surface`], in the order of the file.
+///
+/// # Errors
+/// [`ReadError`], with the path and, where the format allows it, the line.
+pub fn read_points(path: &Path) -> Result<PointTable, ReadError> {
+    if ending_of(path) == "csv" {
+        return read_csv(path);
+    }
+    let (points, tets) = if holds_a_surface(path) {
+        (read_surface(path)?.points, Vec::new())
+    } else {
+        let soup = read_tets(path)?;
+        (soup.points, soup.tets)
+    };
+    let rows = points.iter().map(|point| point.iter().map(f64::to_string).collect()).collect();
+    Ok(PointTable { points, tets, header: ["x", "y", "z"].map(String::from).to_vec(), rows })
+}
+
+fn read_csv(path: &Path) -> Result<PointTable, ReadError> {
+    let malformed = |line, message| ReadError::Malformed { path: path.into(), line, message };
+    let broken = |error: csv::Error| {
+        let line = error.position().map(|position| position.line() as usize);
+        match error.into_kind() {
+            csv::ErrorKind::Io(source) => ReadError::Open { path: path.into(), source },
+            csv::ErrorKind::Utf8 { err, .. } => malformed(line, format!("the text is not UTF-8: {err}")),
+            csv::ErrorKind::UnequalLengths { expected_len, len, .. } => {
+                malformed(line, format!("the row has {len} fields, the first line {expected_len}"))
+            }
+            other => malformed(line, format!("it is no CSV: {other:?}")),
+        }
+    };
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(path).map_err(broken)?;
+    let header: Vec<String> = reader.headers().map_err(broken)?.iter().map(String::from).collect();
+    let column = |name: &str| {
+        header.iter().position(|column| column.eq_ignore_ascii_case(name)).ok_or_else(|| {
+            let message = format!("there is no column {name}; the first line names the columns, as in x,y,z");
+            malformed(Some(1), message)
+        })
+    };
+    let columns = [column("x")?, column("y")?, column("z")?];
+    let (mut points, mut rows) = (Vec::new(), Vec::new());
+    for record in reader.records() {
+        let record = record.map_err(broken)?;
+        let line = record.position().map(|position| position.line() as usize);
+        let mut point = Vec3::zeros();
+        for (coordinate, column) in point.iter_mut().zip(columns) {
+            let text = &record[column];
+            let number = text.parse().ok().filter(|number: &f64| number.is_finite());
+            *coordinate = number
+                .ok_or_else(|| malformed(line, format!("{} is {text:?}; give it a finite number", header[column])))?;
+        }
+        points.push(point);
+        rows.push(record.iter().map(String::from).collect());
+    }
+    Ok(PointTable { points, tets: Vec::new(), header, rows })
+}
+
+/// Whether [`PointTable::write`] knows the ending of `path`: to be asked before any work.
+///
+/// # Errors
+/// The same refusal.
+pub fn check_points_can_be_written(path: &Path) -> Result<(), WriteError> {
+    match ending_of(path).as_str() {
+        "csv" | "vtu" => Ok(()),
+        ending => {
+            Err(WriteError::refused(path, format!("unknown file ending {ending:?} for points"), USE_POINT_ENDING))
+        }
+    }
+}
+
+impl PointTable {
+    /// Writes the points with further columns to a `.csv` file, or with further data to a `.vtu` file, in which the tets are
+    /// cells, or each point if there are none.
+    ///
+    /// The columns are those of the file that was read, followed by `columns`. A number has all its digits; where there is none
+    /// (`None`) its field is empty.
+    ///
+    /// # Errors
+    /// An unknown ending, a column that is there already, or the system's reason; with the path.
+    ///
+    /// # Panics
+    /// If a column or an array has not one entry a point.
+    pub fn write(
+        &self,
+        path: &Path,
+        columns: &[(&str, Vec<Option<f64>>)],
+        point_data: &[DataArray],
+    ) -> Result<(), WriteError> {
+        check_points_can_be_written(path)?;
+        if ending_of(path) == "vtu" {
+            return if self.tets.is_empty() {
+                write_points_vtu(path, &self.points, point_data)
+            } else {
+                write_vtu(path, &self.points, &self.tets, point_data, &[])
+            };
+        }
+        if let Some((name, _)) = columns.iter().find(|(name, _)| self.header.iter().any(|other| other == name)) {
+            let fault = format!("the points have a column {name} already");
+            return Err(WriteError::refused(path, fault, "rename it where it was read"));
+        }
+        write_atomically(path, |file| {
+            let mut table = csv::Writer::from_writer(file);
+            let names = self.header.iter().map(String::as_str).chain(columns.iter().map(|(name, _)| *name));
+            table.write_record(names).map_err(io::Error::from)?;
+            for (index, row) in self.rows.iter().enumerate() {
+                let number = |value: Option<f64>| value.map_or_else(String::new, |number| number.to_string());
+                let further = columns.iter().map(|(_, values)| number(values[index]));
+                table.write_record(row.iter().cloned().chain(further)).map_err(io::Error::from)?;
+            }
+            table.flush()
+        })
+    }
+}
