@@ -3,11 +3,13 @@
 
 pub mod analytic;
 mod bijective;
+pub mod corner;
 mod evaluate;
 mod locate;
 mod radial;
 
 pub use analytic::AnalyticMap;
 pub use bijective::{Bijectivity, bijectivity};
+pub use corner::Warp;
 pub use evaluate::{Evaluator, EvaluatorError, Located, Onto};
 pub use radial::{RadialCoordinates, RayEnd, RayError, Rays, by_ray_casting, caraman};
