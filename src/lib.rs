@@ -229,7 +229,7 @@
 //! | [`linalg`] | the signed 3x3 singular value decomposition; the sparse positive definite solve |
 //! | [`dilatation`] | K_I, K_O and K of one Jacobian |
 //! | [`mesh`] | ids, tet meshes, boxes and soups, topology, sharp features, full boundary; `io`: a format a file |
-//! | [`solid`] | built-in solids, closed surfaces and their invariants, star kernel and centre, the shell mesher, voxels |
+//! | [`solid`] | built-in solids, closed surfaces and their invariants, star kernel and centre, the shell and flag meshers, voxels |
 //! | [`domain`] | a mesh that is a ball, with reference gradients and volumes |
 //! | [`map`] | the radial map; whether a map is bijective; a map and its inverse at any points; `analytic`: maps in closed form |
 //! | [`mod@measure`] | dilatations of all tets, their quantiles, the active tets, the bottleneck |

@@ -15,8 +15,8 @@ use crate::map::analytic::{Caraman, CaramanError, MapError};
 use crate::mesh::{TetMesh, Vec3, VoxelMesh};
 use crate::picture::{Picture, PictureError, PictureSettings};
 use crate::solid::{
-    CentreError, Curvature, ExternalError, Invariants, ShellError, SolidError, Surface, SurfaceError, VoxelizeError,
-    external_mesh, shell_mesh, star_centre, voxelize,
+    CentreError, Curvature, ExternalError, FlagError, Invariants, ShellError, SolidError, Surface, SurfaceError,
+    VoxelizeError, external_mesh, flag_mesh, shell_mesh, star_centre, voxelize,
 };
 
 /// Everything that a plan with the table `[analytic]` gives.
@@ -111,6 +111,8 @@ enum Fault {
     Centre(#[from] CentreError),
     #[error(transparent)]
     Shell(#[from] ShellError),
+    #[error(transparent)]
+    Flag(#[from] FlagError),
     #[error("vertex {vertex}: {error}; move the solid by `place`")]
     Map { vertex: usize, error: MapError },
     #[error("`place`: {0}")]
@@ -211,6 +213,10 @@ impl Mesh {
                 let centre = star_centre(surface, &plan.centre)?;
                 Self::Tets(shell_mesh(surface, centre.position, settings)?.mesh)
             }
+            CellsPlan::Tets(MeshPlan::Flag(settings)) => {
+                let centre = star_centre(surface, &plan.centre)?;
+                Self::Tets(flag_mesh(surface, centre.position, settings)?.mesh)
+            }
             CellsPlan::Surface => return Ok(None),
         }))
     }
@@ -258,6 +264,7 @@ fn row(
         CellsPlan::Voxels(voxels) => voxels.to_string(),
         CellsPlan::Tets(MeshPlan::External(settings)) => format!("{} tets", settings.mesher),
         CellsPlan::Tets(MeshPlan::Shell(_)) => "shell tets".into(),
+        CellsPlan::Tets(MeshPlan::Flag(_)) => "flag tets".into(),
         CellsPlan::Surface => "no cells".into(),
     };
     let row = ComparisonRow {

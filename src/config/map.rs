@@ -63,9 +63,9 @@ fn only_radial() -> Fault {
 fn farthest(config: &Config) -> Result<InitialMap, Fault> {
     let exponent = radial_exponent(&config.map)?;
     let is_mesh = config.domain.file.as_ref().is_some_and(|file| !holds_a_surface(Path::new(file)));
-    if !is_mesh && config.mesh.kind == MeshKind::Shell {
+    if !is_mesh && matches!(config.mesh.kind, MeshKind::Shell | MeshKind::Flag) {
         let message =
-            "the map \"farthest\" cannot start from a shell mesh, which is for star-shaped solids".to_string();
+            "the map \"farthest\" cannot start from a shell or flag mesh: these are for star-shaped solids".to_string();
         let help = "give a mesh as domain.file, set mesh.kind to \"tetgen\" or \"gmsh\", or use kind = \"radial\"";
         return Err(Fault::at(&["map", "kind"], message, help));
     }

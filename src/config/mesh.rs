@@ -5,13 +5,15 @@ use std::path::{Path, PathBuf};
 use super::error::Fault;
 use super::limits::{duration, positive, whole};
 use super::{MeshKind, MeshTable};
-use crate::solid::{ExternalMesher, ExternalSettings, MOST_TETS, Refinement, ShellSettings, Sizing};
+use crate::solid::{ExternalMesher, ExternalSettings, FlagSettings, MOST_TETS, Refinement, ShellSettings, Sizing};
 
 /// How a solid is filled with tets.
 #[derive(Clone, Debug, PartialEq)]
 pub enum MeshPlan {
     /// Cones over the surface triangles, cut into layers.
     Shell(ShellSettings),
+    /// Cones over the flags of a polyhedron.
+    Flag(FlagSettings),
     /// A program of its own.
     External(ExternalSettings),
 }
@@ -19,19 +21,23 @@ pub enum MeshPlan {
 /// Largest value of `cells`: a tenth below the most tets of a shell mesh, since the last halvings go beyond what is wished.
 const MOST_CELLS: i64 = MOST_TETS as i64 / 10 * 9;
 
-const ALL: &[MeshKind] = &[MeshKind::Shell, MeshKind::Tetgen, MeshKind::Gmsh];
+const BY_LENGTH: &[MeshKind] = &[MeshKind::Shell, MeshKind::Tetgen, MeshKind::Gmsh];
 const SHELL: &[MeshKind] = &[MeshKind::Shell];
+const FLAG: &[MeshKind] = &[MeshKind::Flag];
+const LAYERED: &[MeshKind] = &[MeshKind::Shell, MeshKind::Flag];
 const EXTERNAL: &[MeshKind] = &[MeshKind::Tetgen, MeshKind::Gmsh];
 const TETGEN: &[MeshKind] = &[MeshKind::Tetgen];
 
 /// One row a key: its name, whether it was given, and the meshers it belongs to.
-fn keys(table: &MeshTable) -> [(&'static str, bool, &'static [MeshKind]); 12] {
+fn keys(table: &MeshTable) -> [(&'static str, bool, &'static [MeshKind]); 14] {
     [
         ("subdivisions", table.subdivisions.is_some(), SHELL),
-        ("edge_length", table.edge_length.is_some(), ALL),
+        ("edge_length", table.edge_length.is_some(), BY_LENGTH),
         ("cells", table.cells.is_some(), SHELL),
-        ("layers", table.layers.is_some(), SHELL),
-        ("grading", table.grading.is_some(), SHELL),
+        ("layers", table.layers.is_some(), LAYERED),
+        ("grading", table.grading.is_some(), LAYERED),
+        ("sectors", table.sectors.is_some(), FLAG),
+        ("rings", table.rings.is_some(), FLAG),
         ("feature_edge_length", table.feature_edge_length.is_some(), EXTERNAL),
         ("feature_growth", table.feature_growth.is_some(), EXTERNAL),
         ("max_volume", table.max_volume.is_some(), EXTERNAL),
@@ -59,6 +65,7 @@ pub(super) fn plan(table: &MeshTable, config_path: &Path) -> Result<MeshPlan, Fa
     }
     match table.kind {
         MeshKind::Shell => shell(table).map(MeshPlan::Shell),
+        MeshKind::Flag => flag(table).map(MeshPlan::Flag),
         MeshKind::Tetgen => external(table, ExternalMesher::TetGen, config_path).map(MeshPlan::External),
         MeshKind::Gmsh => external(table, ExternalMesher::Gmsh, config_path).map(MeshPlan::External),
     }
@@ -68,6 +75,7 @@ pub(super) fn plan(table: &MeshTable, config_path: &Path) -> Result<MeshPlan, Fa
 fn spelled(kind: MeshKind) -> &'static str {
     match kind {
         MeshKind::Shell => "shell",
+        MeshKind::Flag => "flag",
         MeshKind::Tetgen => "tetgen",
         MeshKind::Gmsh => "gmsh",
     }
@@ -88,6 +96,17 @@ fn shell(table: &MeshTable) -> Result<ShellSettings, Fault> {
         refinement,
         layers: whole(table.layers, 8, 1..=10_000, &["mesh", "layers"])?,
         grading: positive(table.grading, 1.0, &["mesh", "grading"])?,
+    })
+}
+
+fn flag(table: &MeshTable) -> Result<FlagSettings, Fault> {
+    let usual = FlagSettings::default();
+    let number = |given, usual: u32, key| whole(given, usual.into(), 1..=1000, &["mesh", key]);
+    Ok(FlagSettings {
+        sectors: number(table.sectors, usual.sectors, "sectors")?,
+        rings: number(table.rings, usual.rings, "rings")?,
+        layers: number(table.layers, usual.layers, "layers")?,
+        grading: positive(table.grading, usual.grading, &["mesh", "grading"])?,
     })
 }
 

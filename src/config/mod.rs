@@ -129,7 +129,8 @@ pub enum CentreName {
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct MeshTable {
-    /// The mesher. Default: "shell", cones over the surface triangles cut into layers. "tetgen" and "gmsh" run the
+    /// The mesher. Default: "shell", cones over the surface triangles cut into layers. "flag": a polyhedron cut into cones from
+    /// its corners over triangles of the centre, a face's and an edge's middle, polar about the edges. "tetgen" and "gmsh" run the
     /// program of that name.
     pub kind: MeshKind,
     /// Each surface triangle is first split into this number squared, at least 1 (shell). Default: 1.
@@ -143,12 +144,20 @@ pub struct MeshTable {
     /// Halve the longest edges until there are at least this many tetrahedra (shell). Not together with `edge_length`.
     #[schemars(range(min = 1, max = 90_000_000))]
     pub cells: Option<i64>,
-    /// Number of layers from the centre to the surface, at least 1 (shell). Default: 8.
+    /// Number of layers, at least 1. shell: from the centre to the surface, default 8, at most 10000. flag: from a corner to the
+    /// middle of the solid, default 4, at most 1000.
     #[schemars(range(min = 1, max = 10_000))]
     pub layers: Option<i64>,
-    /// Ratio of the thicknesses of successive layers outward, > 0 (shell). Default: 1, all layers equally thick.
+    /// Ratio of the thicknesses of successive layers, > 0. shell: outward, default 1, all equally thick. flag: away from the corner,
+    /// and of rings away from the edge, default 1.3.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub grading: Option<f64>,
+    /// Sectors about an edge from a face to the plane of edge and centre, at least 1 (flag). Default: 4.
+    #[schemars(range(min = 1, max = 1000))]
+    pub sectors: Option<i64>,
+    /// Rings around an edge, at least 1 (flag). Default: 4.
+    #[schemars(range(min = 1, max = 1000))]
+    pub rings: Option<i64>,
     /// The edge length aimed at along sharp edges and at corners, > 0 and at most `edge_length` (tetgen, gmsh). An edge is
     /// sharp if its faces turn by more than 20 degrees. Default: `edge_length`.
     #[schemars(extend("exclusiveMinimum" = 0))]
@@ -182,6 +191,8 @@ pub enum MeshKind {
     /// Cones over the surface triangles, cut into layers.
     #[default]
     Shell,
+    /// Cones over the flags of a polyhedron.
+    Flag,
     /// The program TetGen.
     Tetgen,
     /// The program Gmsh.

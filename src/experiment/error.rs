@@ -7,7 +7,7 @@ use crate::map::analytic::MapError;
 use crate::mesh::io::ReadError;
 use crate::mesh::{MeshError, TopologyError};
 use crate::optimize::OptimizeError;
-use crate::solid::{CentreError, ExternalError, ShellError, SolidError, SurfaceError};
+use crate::solid::{CentreError, ExternalError, FlagError, ShellError, SolidError, SurfaceError};
 
 /// What is wrong with the input of a run; found before any optimisation.
 #[derive(Debug, thiserror::Error)]
@@ -63,6 +63,9 @@ pub enum Fault {
     /// No shell mesh.
     #[error(transparent)]
     Shell(#[from] ShellError),
+    /// No flag mesh.
+    #[error(transparent)]
+    Flag(#[from] FlagError),
     /// No mesh from TetGen or Gmsh.
     #[error(transparent)]
     External(#[from] ExternalError),

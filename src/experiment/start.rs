@@ -10,7 +10,7 @@ use crate::mesh::io::{read_surface, read_tets};
 use crate::mesh::{Orientation, TetMesh, Vec3, full_boundary, orientation};
 use crate::report::{MapFigures, Splits};
 use crate::solid::{
-    StarCentre, Surface, best_radial_exponent, external_mesh, radial_max_dilatation, shell_mesh, star_centre,
+    StarCentre, Surface, best_radial_exponent, external_mesh, flag_mesh, radial_max_dilatation, shell_mesh, star_centre,
 };
 
 /// A domain and a map of it.
@@ -58,6 +58,11 @@ impl Start {
                     InitialMap::Formula(map) => Self::of_formula(domain, map)?,
                     _ => Self::of_rays(domain, surface, Some(centre), &coordinates, plan),
                 }
+            }
+            MeshPlan::Flag(settings) => {
+                let centre = star_centre(surface, &plan.centre)?;
+                let flags = flag_mesh(surface, centre.position, settings)?;
+                Self::of_domain(Domain::new(flags.mesh)?, surface, plan)?
             }
             MeshPlan::External(settings) => {
                 Self::of_domain(Domain::new(external_mesh(surface, settings)?)?, surface, plan)?

@@ -2,7 +2,9 @@
 
 mod centre;
 mod external;
+mod faces;
 mod fan;
+mod flag;
 mod generate;
 mod inside;
 mod invariants;
@@ -23,6 +25,7 @@ mod voxelize;
 pub use centre::{CentreChoice, CentreError, StarCentre, star_centre};
 pub use external::{ExternalError, ExternalMesher, ExternalSettings, Sizing, external_mesh};
 pub use fan::FanError;
+pub use flag::{Flag, FlagError, FlagMesh, FlagSettings, flag_mesh};
 pub use generate::{Solid, SolidError};
 pub use inside::{InsideTest, Side};
 pub use invariants::{Curvature, Invariants};

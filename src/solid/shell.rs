@@ -120,7 +120,7 @@ fn check(settings: &ShellSettings) -> Result<(), ShellError> {
 }
 
 /// The fractions u_1 < ... < u_n = 1 of the layers' outer boundaries.
-fn layer_fractions(layers: u32, grading: f64) -> Vec<f64> {
+pub(super) fn layer_fractions(layers: u32, grading: f64) -> Vec<f64> {
     let thickness: Vec<f64> = (0..layers).map(|k| grading.powi(k as i32)).collect();
     let total: f64 = thickness.iter().sum();
     let mut sum = 0.0;
@@ -262,26 +262,38 @@ fn layered(surface: Surface, centre: Vec3, fractions: &[f64]) -> Result<ShellMes
     let vertex = |layer: usize, v: u32| VertexId((1 + layer * count) as u32 + v);
     let mut tets = Vec::with_capacity(surface.triangles().len() * (3 * fractions.len() - 2));
     for triangle in surface.triangles() {
-        let [a, b, c] = triangle.map(|v| v.0);
-        tets.push([VertexId(0), vertex(0, a), vertex(0, b), vertex(0, c)]);
-        // The diagonal of a prism's side runs from the inner end of the smaller vertex number to the outer end of the
-        // larger one: the same seen from both prisms.
-        let mut order = [a, b, c];
-        order.sort_unstable();
-        let [low, mid, high] = order;
-        let even = order == [a, b, c] || order == [b, c, a] || order == [c, a, b];
-        for layer in 1..fractions.len() {
-            let (inner, outer) = (|v| vertex(layer - 1, v), |v| vertex(layer, v));
-            for tet in [
-                [inner(low), inner(mid), inner(high), outer(high)],
-                [inner(low), outer(mid), inner(mid), outer(high)],
-                [inner(low), outer(low), outer(mid), outer(high)],
-            ] {
-                tets.push(if even { tet } else { [tet[0], tet[2], tet[1], tet[3]] });
-            }
-        }
+        cone_tets(&mut tets, VertexId(0), triangle.map(|v| v.0), fractions.len(), vertex);
     }
     Ok(ShellMesh { mesh: TetMesh::new(points, tets)?, surface, rays })
+}
+
+/// The tets of a cone of layers over a triangle that is counter-clockwise seen from beyond it; `vertex` names the point of a layer
+/// over a vertex of the triangle.
+pub(super) fn cone_tets(
+    tets: &mut Vec<[VertexId; 4]>,
+    apex: VertexId,
+    triangle: [u32; 3],
+    layers: usize,
+    vertex: impl Fn(usize, u32) -> VertexId,
+) {
+    let [a, b, c] = triangle;
+    tets.push([apex, vertex(0, a), vertex(0, b), vertex(0, c)]);
+    // The diagonal of a prism's side runs from the inner end of the smaller vertex number to the outer end of the
+    // larger one: the same seen from both prisms.
+    let mut order = [a, b, c];
+    order.sort_unstable();
+    let [low, mid, high] = order;
+    let even = order == [a, b, c] || order == [b, c, a] || order == [c, a, b];
+    for layer in 1..layers {
+        let (inner, outer) = (|v| vertex(layer - 1, v), |v| vertex(layer, v));
+        for tet in [
+            [inner(low), inner(mid), inner(high), outer(high)],
+            [inner(low), outer(mid), inner(mid), outer(high)],
+            [inner(low), outer(low), outer(mid), outer(high)],
+        ] {
+            tets.push(if even { tet } else { [tet[0], tet[2], tet[1], tet[3]] });
+        }
+    }
 }
 
 #[cfg(test)]

@@ -32,6 +32,8 @@ fn tets(plan: &Plan) -> Option<f64> {
     };
     Some(match &plan.mesh {
         MeshPlan::Shell(settings) => shell_tets(&surface, settings),
+        // Each triangle has at most six flags of its own.
+        MeshPlan::Flag(settings) => 6.0 * surface.triangles().len() as f64 * settings.tets_a_flag() as f64,
         MeshPlan::External(settings) => external_tets(&surface, settings),
     })
 }
