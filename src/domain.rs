@@ -45,6 +45,32 @@ impl Domain {
         Self { mesh, boundary, inverse_edges, volumes }
     }
 
+    /// The domain with each tet once for each of its `factors` R, its reference matrix multiplied by R, and as it is if it has none: for maps whose Jacobians on a
+    /// tet are J R, with J that of the piecewise-linear map. Also the tet that each element comes from: the first elements are
+    /// the tets in their order. The boundary is that of the mesh, and the elements of a tet share its volume.
+    pub(crate) fn with_factors(&self, factors: impl Fn(TetId) -> Vec<Mat3>) -> (Self, Vec<TetId>) {
+        let ids = || (0..self.mesh.tets().len() as u32).map(TetId);
+        let factors: Vec<Vec<Mat3>> = ids().map(factors).collect();
+        let further = ids().flat_map(|tet| std::iter::repeat_n(tet, factors[tet.index()].len().saturating_sub(1)));
+        let owners: Vec<TetId> = ids().chain(further).collect();
+        let tets = owners.iter().map(|tet| self.mesh.tets()[tet.index()]).collect();
+        let mesh = TetMesh::new(self.mesh.points().to_vec(), tets).expect("the tets of a mesh");
+        let first = factors.iter().map(|of_tet| of_tet.first());
+        let further = factors.iter().flat_map(|of_tet| of_tet.iter().skip(1).map(Some));
+        let inverse_edges = owners.iter().zip(first.chain(further)).map(|(tet, factor)| {
+            let plain = self.inverse_edges[tet.index()];
+            factor.map_or(plain, |factor| plain * factor)
+        });
+        let volume = |tet: &TetId| self.volumes[tet.index()] / factors[tet.index()].len().max(1) as f64;
+        let domain = Self {
+            mesh,
+            boundary: self.boundary.clone(),
+            inverse_edges: inverse_edges.collect(),
+            volumes: owners.iter().map(volume).collect(),
+        };
+        (domain, owners)
+    }
+
     /// The mesh.
     pub fn mesh(&self) -> &TetMesh {
         &self.mesh

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::corner::Corners;
 use super::locate::Locator;
 use super::radial::{RayEnd, Rays};
 use crate::domain::Domain;
@@ -37,7 +38,7 @@ pub enum EvaluatorError {
 /// The image of a point, or the point of an image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Located {
-    /// The tet that holds the point: of those that share it, the one of the lowest number.
+    /// The tet that holds the point, where corners are warped the warped one: of those that share it, the one of the lowest number.
     pub tet: TetId,
     /// Where it goes.
     pub position: Vec3,
@@ -78,6 +79,7 @@ pub struct Evaluator<'a> {
     in_image: Locator,
     /// The rays from 0 to the boundary of the image, for a map onto the ball.
     rays: Option<Rays>,
+    corners: Option<&'a Corners>,
 }
 
 impl<'a> Evaluator<'a> {
@@ -104,12 +106,19 @@ impl<'a> Evaluator<'a> {
         };
         let in_domain = Locator::new(domain.mesh().points(), tets);
         let in_image = Locator::new(image, tets);
-        Ok(Self { domain, image, in_domain, in_image, rays })
+        Ok(Self { domain, image, in_domain, in_image, rays, corners: None })
+    }
+
+    /// The same map after the warps of corners of the domain.
+    pub fn with_corners(self, corners: &'a Corners) -> Self {
+        Self { corners: Some(corners), ..self }
     }
 
     /// The image of a point of the domain; `None` outside.
     pub fn at(&self, point: &Vec3) -> Option<Located> {
-        let Located { tet, position } = self.moved(&self.in_domain, point, self.image)?;
+        let warp = self.corners.and_then(|corners| corners.warp(self.in_domain.find(point)?.tet));
+        let warped = warp.map_or(*point, |warp| warp.at(point));
+        let Located { tet, position } = self.moved(&self.in_domain, &warped, self.image)?;
         let Some(rays) = &self.rays else { return Some(Located { tet, position }) };
         let radius = position.norm();
         if radius == 0.0 {
@@ -123,13 +132,15 @@ impl<'a> Evaluator<'a> {
     /// The point of the domain that goes to a point of the image; `None` outside of the image.
     pub fn inverse(&self, point: &Vec3) -> Option<Located> {
         let radius = point.norm();
-        match &self.rays {
+        let in_image = match &self.rays {
             Some(rays) if radius > 0.0 && radius.is_finite() => {
-                let on_polyhedron = point / rays.reciprocal_length(&(point / radius), RayEnd::Only)?;
-                self.moved(&self.in_image, &on_polyhedron, self.domain.mesh().points())
+                point / rays.reciprocal_length(&(point / radius), RayEnd::Only)?
             }
-            _ => self.moved(&self.in_image, point, self.domain.mesh().points()),
-        }
+            _ => *point,
+        };
+        let Located { tet, position } = self.moved(&self.in_image, &in_image, self.domain.mesh().points())?;
+        let warp = self.corners.and_then(|corners| corners.warp(tet));
+        Some(Located { tet, position: warp.map_or(position, |warp| warp.inverse(&position)) })
     }
 
     /// Where a point goes when the tets move to other positions.

@@ -45,6 +45,10 @@
 //! No bound is sampled, and to whoever minimizes K a warped tet is nothing but up to four ordinary ones with the same four vertices,
 //! whose reference matrices are B (I + (p-1) u n^T) in place of B.
 
+mod cones;
+
+pub use cones::{Cone, CornerError, Corners, solid_angles};
+
 use crate::dilatation::Dilatation;
 use crate::mesh::{Mat3, Vec3};
 
@@ -87,6 +91,11 @@ impl Warp {
         self.exponent
     }
 
+    /// t(x): 0 at the apex, 1 on the base.
+    pub fn height(&self, x: &Vec3) -> f64 {
+        self.gradient.dot(&(x - self.apex))
+    }
+
     /// w(x) for a point of the cone.
     pub fn at(&self, x: &Vec3) -> Vec3 {
         self.scaled(x, self.exponent)
@@ -98,10 +107,9 @@ impl Warp {
     }
 
     fn scaled(&self, x: &Vec3, exponent: f64) -> Vec3 {
-        let offset = x - self.apex;
         // Rounding may put a point of a side near the apex behind it.
-        let height = self.gradient.dot(&offset).max(0.0);
-        if exponent == 1.0 || height == 0.0 { *x } else { self.apex + offset * height.powf(exponent - 1.0) }
+        let height = self.height(x).max(0.0);
+        if exponent == 1.0 || height == 0.0 { *x } else { self.apex + (x - self.apex) * height.powf(exponent - 1.0) }
     }
 
     /// I + (p-1) u n^T: the Jacobian of the warp at x up to a positive factor, for the projection u of x - v to the base.

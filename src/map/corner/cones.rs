@@ -1,0 +1,400 @@
+//! The corners of a domain with their exponents: which cones are warped, and that the warps fit together.
+
+use std::collections::HashMap;
+
+use super::Warp;
+use crate::domain::Domain;
+use crate::mesh::{Mat3, TetId, TetMesh, Vec3, VertexId};
+
+/// How far, in units of t (0 at the corner, 1 on the base), the cones of a corner may disagree at a common vertex, or a vertex lie
+/// off the base: points of flat faces and straight edges are computed with rounding.
+const FITS: f64 = 1e-9;
+
+/// A cone over a triangle, with its apex in a corner of the solid.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cone {
+    /// The apex, a vertex of the boundary.
+    pub corner: VertexId,
+    /// Three vertices of the plane t = 1.
+    pub base: [VertexId; 3],
+    /// The exponent p > 0 of the corner, the same for all its cones.
+    pub exponent: f64,
+}
+
+/// The cones of a domain that are warped, and which tets lie in them; the others stay piecewise linear.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Corners {
+    cones: Vec<Cone>,
+    warps: Vec<Warp>,
+    of_tet: Vec<Option<u32>>,
+}
+
+/// Why cones give no continuous map of the domain onto itself. Tets and vertices count from 0.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum CornerError {
+    /// An exponent that is none, or a cone without height.
+    #[error(
+        "cone {cone} at vertex {corner} with the exponent {exponent} is none: give a positive exponent and three points of a base"
+    )]
+    Cone {
+        /// The cone.
+        cone: usize,
+        /// Its corner.
+        corner: u32,
+        /// Its exponent.
+        exponent: f64,
+    },
+    /// Cones of one corner with different exponents.
+    #[error("the cones at vertex {corner} have the exponents {exponents:?}; give a corner one exponent")]
+    Exponents {
+        /// The corner.
+        corner: u32,
+        /// Two of them.
+        exponents: [f64; 2],
+    },
+    /// A corner inside.
+    #[error("vertex {corner} lies inside of the solid; a corner is a vertex of the boundary")]
+    Inside {
+        /// The vertex.
+        corner: u32,
+    },
+    /// A tet with two corners.
+    #[error(
+        "tet {tet} has two corners, vertices {corners:?}: split the edge between them, which a run does unless `keep_mesh` is set, or \
+         leave one of them linear"
+    )]
+    TwoCorners {
+        /// The tet.
+        tet: u32,
+        /// The corners.
+        corners: [u32; 2],
+    },
+    /// Names of tets, cones or vertices that do not exist.
+    #[error("a cone is named that does not exist, or there is not one entry a tet")]
+    Range,
+    /// Two neighbours disagree on their common face.
+    #[error("the warps of tets {tets:?} disagree on their common face")]
+    Torn {
+        /// The tets.
+        tets: [u32; 2],
+    },
+    /// A triangle of the boundary is moved off itself, or a tet sticks out of its cone.
+    #[error("tet {tet} does not fit into its cone: a side of it is neither on a ray from the corner nor on the base")]
+    Misfit {
+        /// The tet.
+        tet: u32,
+    },
+}
+
+impl Corners {
+    /// Takes cones, and for each tet the one it lies in. Checks, up to rounding, that the warps fit together: then they make a
+    /// homeomorphism of the domain that takes each boundary triangle of a flat face to that face.
+    ///
+    /// The tets of the cones at a corner fill a region that is star-shaped about the corner. Each of its outer faces is either
+    /// on the boundary of the domain and in a plane through the corner, or has t = 1; on its inner faces the cones agree on t. So t
+    /// is continuous in the region and linear on every ray from the corner, and the warp takes the region to itself, leaving
+    /// its faces of t = 1 as they are.
+    ///
+    /// # Errors
+    /// See [`CornerError`].
+    pub fn new(domain: &Domain, cones: Vec<Cone>, of_tet: Vec<Option<u32>>) -> Result<Self, CornerError> {
+        let points = domain.mesh().points();
+        let known = |v: &VertexId| v.index() < points.len();
+        let in_range = cones.iter().all(|cone| known(&cone.corner) && cone.base.iter().all(known))
+            && of_tet.len() == domain.mesh().tets().len()
+            && of_tet.iter().flatten().all(|&cone| (cone as usize) < cones.len());
+        if !in_range {
+            return Err(CornerError::Range);
+        }
+        let mut exponent_of: HashMap<VertexId, f64> = HashMap::new();
+        let mut warps = Vec::with_capacity(cones.len());
+        for (number, &Cone { corner, base, exponent }) in cones.iter().enumerate() {
+            let at = |v: VertexId| points[v.index()];
+            let warp = Warp::new(at(corner), base.map(at), exponent);
+            warps.push(warp.ok_or(CornerError::Cone { cone: number, corner: corner.0, exponent })?);
+            let first = *exponent_of.entry(corner).or_insert(exponent);
+            if first != exponent {
+                return Err(CornerError::Exponents { corner: corner.0, exponents: [first, exponent] });
+            }
+            if !domain.boundary().contains(corner) {
+                return Err(CornerError::Inside { corner: corner.0 });
+            }
+        }
+        let corners = Self { cones, warps, of_tet };
+        corners.check(domain)?;
+        Ok(corners)
+    }
+
+    /// Corner elements: the tets around each of the given vertices, each a cone of its own.
+    ///
+    /// # Errors
+    /// A tet with two of the vertices, a vertex inside, an exponent that is none.
+    pub fn stars(domain: &Domain, exponents: &[(VertexId, f64)]) -> Result<Self, CornerError> {
+        let exponent_of: HashMap<VertexId, f64> = exponents.iter().copied().collect();
+        let (mut cones, mut of_tet) = (Vec::new(), Vec::with_capacity(domain.mesh().tets().len()));
+        for (index, tet) in domain.mesh().tets().iter().enumerate() {
+            let found: Vec<usize> = (0..4).filter(|&i| exponent_of.contains_key(&tet[i])).collect();
+            match *found {
+                [] => of_tet.push(None),
+                [i] => {
+                    let base = std::array::from_fn(|k| tet[(i + 1 + k) % 4]);
+                    of_tet.push(Some(cones.len() as u32));
+                    cones.push(Cone { corner: tet[i], base, exponent: exponent_of[&tet[i]] });
+                }
+                [i, j, ..] => {
+                    return Err(CornerError::TwoCorners { tet: index as u32, corners: [tet[i].0, tet[j].0] });
+                }
+            }
+        }
+        Self::new(domain, cones, of_tet)
+    }
+
+    /// The cones.
+    pub fn cones(&self) -> &[Cone] {
+        &self.cones
+    }
+
+    /// For each tet, the cone it lies in.
+    pub fn of_tets(&self) -> &[Option<u32>] {
+        &self.of_tet
+    }
+
+    /// The warp of the cone that holds a tet.
+    pub fn warp(&self, tet: TetId) -> Option<&Warp> {
+        self.of_tet[tet.index()].map(|cone| &self.warps[cone as usize])
+    }
+
+    /// The same cones with other exponents, all positive: one for each corner.
+    pub fn with_exponents(mut self, exponent: impl Fn(VertexId) -> f64) -> Self {
+        for (cone, warp) in self.cones.iter_mut().zip(&mut self.warps) {
+            cone.exponent = exponent(cone.corner);
+            *warp = warp.with_exponent(cone.exponent);
+        }
+        self
+    }
+
+    /// The matrices I + (p-1) u n^T of which one makes K largest on a tet; none outside of the cones.
+    fn factors(&self, domain: &Domain, tet: TetId) -> Vec<Mat3> {
+        match self.warp(tet).filter(|warp| warp.exponent() != 1.0) {
+            None => Vec::new(),
+            Some(warp) => warp.projections(domain.mesh().corners(tet)).map(|u| warp.factor(&u)).collect(),
+        }
+    }
+
+    /// The domain in which a warped tet is up to four, each with a reference matrix of its own, and the tet that each of its
+    /// elements belongs to. The dilatations of the warped map are the largest ones of the elements: to minimize or bound them over
+    /// the images of the vertices is to do so here. The first elements are the tets in their order.
+    pub fn elements(&self, domain: &Domain) -> (Domain, Vec<TetId>) {
+        domain.with_factors(|tet| self.factors(domain, tet))
+    }
+
+    fn check(&self, domain: &Domain) -> Result<(), CornerError> {
+        let mesh = domain.mesh();
+        let height = |warp: &Warp, v: VertexId| warp.height(&mesh.points()[v.index()]);
+        let mut faces: HashMap<[u32; 3], u32> = HashMap::new();
+        for (index, tet) in (0u32..).zip(mesh.tets()) {
+            let warp = self.warp(TetId(index));
+            let within = |warp: &Warp| tet.iter().all(|&v| (-FITS..=1.0 + FITS).contains(&height(warp, v)));
+            if warp.is_some_and(|warp| !within(warp)) {
+                return Err(CornerError::Misfit { tet: index });
+            }
+            for face in TetMesh::FACES {
+                let face = face.map(|i| tet[i]);
+                let mut key = face.map(|v| v.0);
+                key.sort_unstable();
+                let Some(other) = faces.remove(&key) else {
+                    faces.insert(key, index);
+                    continue;
+                };
+                if !self.agree([other, index], face, &height) {
+                    return Err(CornerError::Torn { tets: [other, index] });
+                }
+            }
+        }
+        // What is left has one tet: the boundary.
+        for (triangle, owner) in domain.boundary().triangles().iter().zip(domain.boundary().owners()) {
+            let Some(cone) = self.of_tet[owner.index()] else { continue };
+            let warp = &self.warps[cone as usize];
+            let [a, b, c] = triangle.map(|v| mesh.points()[v.index()]);
+            let normal = (b - a).cross(&(c - a));
+            let tip = mesh.points()[self.cones[cone as usize].corner.index()];
+            let size = (a - tip).norm().max((b - tip).norm()).max((c - tip).norm());
+            let radial = normal.dot(&(a - tip)).abs() <= FITS * normal.norm() * size;
+            if !radial && !triangle.iter().all(|&v| (height(warp, v) - 1.0).abs() <= FITS) {
+                return Err(CornerError::Misfit { tet: owner.0 });
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether the warps of two tets are the same on their common face: both leave it as it is, or they have one corner, and the
+    /// same t there.
+    fn agree(&self, tets: [u32; 2], face: [VertexId; 3], height: &dyn Fn(&Warp, VertexId) -> f64) -> bool {
+        let cones = tets.map(|tet| self.of_tet[tet as usize].map(|cone| cone as usize));
+        let still = |cone: Option<usize>| {
+            cone.is_none_or(|cone| face.iter().all(|&v| (height(&self.warps[cone], v) - 1.0).abs() <= FITS))
+        };
+        let same = |a: usize, b: usize| {
+            let [a, b] = [a, b].map(|cone| (&self.cones[cone], &self.warps[cone]));
+            a.0.corner == b.0.corner && face.iter().all(|&v| (height(a.1, v) - height(b.1, v)).abs() <= FITS)
+        };
+        match cones {
+            [Some(a), Some(b)] if a == b || same(a, b) => true,
+            [a, b] => still(a) && still(b),
+        }
+    }
+}
+
+/// The solid angle of the domain at each vertex of a list, in steradians.
+pub fn solid_angles(domain: &Domain, vertices: &[VertexId]) -> Vec<f64> {
+    let position: HashMap<VertexId, usize> = vertices.iter().enumerate().map(|(i, &v)| (v, i)).collect();
+    let mut angles = vec![0.0; vertices.len()];
+    for (index, tet) in (0..).map(TetId).zip(domain.mesh().tets()) {
+        for i in 0..4 {
+            if let Some(&vertex) = position.get(&tet[i]) {
+                let corners = domain.mesh().corners(index);
+                let [a, b, c] = TetMesh::FACES[i].map(|k| &corners[k]);
+                angles[vertex] += crate::mesh::angle::tet_solid_angle(&corners[i], [a, b, c]).value;
+            }
+        }
+    }
+    angles
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Dilatation;
+    use crate::map::{Evaluator, Onto, RayEnd, by_ray_casting, caraman};
+    use crate::measure::measure;
+    use crate::mesh::fixtures::{cube, fan, split};
+    use crate::solid::{FlagSettings, Solid, flag_mesh};
+
+    /// A cube of flags, its radial image and warps of one exponent at all corners.
+    fn flags(exponent: f64) -> (Domain, Vec<Vec3>, Corners) {
+        let surface = Solid::Cube.surface().unwrap();
+        let settings = FlagSettings { sectors: 2, rings: 2, layers: 2, grading: 1.3 };
+        let flags = flag_mesh(&surface, Vec3::zeros(), &settings).unwrap();
+        let mut rays = by_ray_casting(&surface, Vec3::zeros(), flags.mesh.points(), RayEnd::Only).unwrap();
+        let domain = Domain::new(flags.mesh).unwrap();
+        for (at, on) in rays.iter_mut().zip(domain.boundary().vertex_mask()) {
+            at.fraction = if *on { 1.0 } else { at.fraction };
+        }
+        let cone = |flag: &crate::solid::Flag| Cone { corner: flag.corner, base: flag.base, exponent };
+        let cones: Vec<Cone> = flags.flags.iter().map(cone).collect();
+        let of_tet = (0..domain.mesh().tets().len()).map(|tet| Some((tet / settings.tets_a_flag()) as u32)).collect();
+        let corners = Corners::new(&domain, cones, of_tet).unwrap();
+        (domain, caraman(&rays, 1.0), corners)
+    }
+
+    #[test]
+    fn the_elements_have_the_largest_dilatation_of_the_warped_map() {
+        for exponent in [0.7, 1.0, 1.6] {
+            let (domain, image, corners) = flags(exponent);
+            let (elements, owners) = corners.elements(&domain);
+            let of_elements = measure(&elements, &image).dilatations;
+            let mut largest = vec![Dilatation { inner: 1.0, outer: 1.0 }; domain.mesh().tets().len()];
+            for (dilatation, owner) in of_elements.iter().zip(&owners) {
+                let largest = &mut largest[owner.index()];
+                *largest = Dilatation {
+                    inner: largest.inner.max(dilatation.inner),
+                    outer: largest.outer.max(dilatation.outer),
+                };
+            }
+            let volume: f64 = elements.volumes().iter().sum();
+            assert!((volume - 8.0).abs() < 1e-12);
+            for (tet, largest) in (0..).map(TetId).zip(&largest) {
+                let exact =
+                    corners.warp(tet).unwrap().dilatation(&domain.jacobian(tet, &image), domain.mesh().corners(tet));
+                assert!(
+                    (largest.inner / exact.inner - 1.0).abs() < 1e-11
+                        && (largest.outer / exact.outer - 1.0).abs() < 1e-11
+                );
+            }
+            if exponent == 1.0 {
+                assert_eq!(measure(&elements, &image).summary, measure(&domain, &image).summary);
+            }
+        }
+    }
+
+    #[test]
+    fn differences_of_the_evaluated_map_never_exceed_the_exact_dilatation() {
+        use rand_chacha::ChaCha8Rng;
+        use rand_chacha::rand_core::{RngCore, SeedableRng};
+        let (domain, image, corners) = flags(1.5);
+        let (elements, owners) = corners.elements(&domain);
+        let mut largest = vec![1.0f64; domain.mesh().tets().len()];
+        for (dilatation, owner) in measure(&elements, &image).dilatations.iter().zip(&owners) {
+            largest[owner.index()] = largest[owner.index()].max(dilatation.k());
+        }
+        let map = Evaluator::new(&domain, &image, Onto::Polyhedron).unwrap().with_corners(&corners);
+        let mut random = ChaCha8Rng::seed_from_u64(5);
+        let mut number = || f64::from(random.next_u32()) / f64::from(u32::MAX) * 2.0 - 1.0;
+        let (step, mut counted) = (1e-6, 0);
+        for _ in 0..20_000 {
+            let x = Vec3::new(number(), number(), number()) * 0.99;
+            let here = map.at(&x).unwrap();
+            // The inverse, to the rounding of a point that a warp may stretch by 1 / t^(1/2).
+            assert!(
+                (map.at(&map.inverse(&here.position).unwrap().position).unwrap().position - here.position).norm()
+                    < 1e-10
+            );
+            let axes = [Vec3::x(), Vec3::y(), Vec3::z()].map(|axis| axis * step);
+            let ends = axes.map(|by| [map.at(&(x + by)).unwrap(), map.at(&(x - by)).unwrap()]);
+            // Differences across a face mean nothing.
+            if ends.iter().flatten().any(|end| end.tet != here.tet) {
+                continue;
+            }
+            counted += 1;
+            let columns = ends.map(|[a, b]| (a.position - b.position) / (2.0 * step));
+            let k = Dilatation::of(&Mat3::from_columns(&columns)).k();
+            // Rounding at 1e-16 / step times the condition of K in the matrix, below 100.
+            assert!(k <= largest[here.tet.index()] * (1.0 + 1e-7), "{k} {}", largest[here.tet.index()]);
+        }
+        assert!(counted > 15_000);
+    }
+
+    #[test]
+    fn corner_elements_fit_unless_a_tet_has_two_corners() {
+        let coarse = Domain::new(fan(&cube(), Vec3::zeros())).unwrap();
+        let all: Vec<(VertexId, f64)> = (0..8).map(|v| (VertexId(v), 1.4)).collect();
+        assert!(matches!(Corners::stars(&coarse, &all), Err(CornerError::TwoCorners { .. })));
+        // One corner alone; and tets cut in four still hold the faces with their two corners.
+        let one = Corners::stars(&coarse, &all[..1]).unwrap();
+        assert_eq!(one.of_tets().iter().flatten().count(), one.cones().len());
+        let finer = Domain::new(split(coarse.mesh())).unwrap();
+        assert!(matches!(Corners::stars(&finer, &all), Err(CornerError::TwoCorners { .. })));
+        assert!(matches!(Corners::stars(&coarse, &[(VertexId(8), 1.4)]), Err(CornerError::Inside { corner: 8 })));
+        assert!(matches!(Corners::stars(&coarse, &[(VertexId(0), -1.0)]), Err(CornerError::Cone { corner: 0, .. })));
+        let angles = solid_angles(&coarse, &[VertexId(0), VertexId(8)]);
+        assert!((angles[0] - std::f64::consts::FRAC_PI_2).abs() < 1e-14);
+        assert!((angles[1] - 4.0 * std::f64::consts::PI).abs() < 1e-13);
+    }
+
+    #[test]
+    fn cones_that_do_not_fit_are_refused() {
+        let (domain, _, corners) = flags(1.5);
+        let cones = corners.cones().to_vec();
+        let of_tet = corners.of_tets().to_vec();
+        // One tet left linear, one in a cone of another corner, a corner with two exponents, a base that is moved.
+        let mut linear = of_tet.clone();
+        linear[0] = None;
+        assert!(matches!(Corners::new(&domain, cones.clone(), linear), Err(CornerError::Torn { .. })));
+        let mut other = of_tet.clone();
+        other[0] = Some(5);
+        assert!(Corners::new(&domain, cones.clone(), other).is_err());
+        let mut uneven = cones.clone();
+        uneven[0].exponent = 1.6;
+        assert!(matches!(Corners::new(&domain, uneven, of_tet.clone()), Err(CornerError::Exponents { .. })));
+        let mut moved = cones.clone();
+        let inner = domain.mesh().tets()[1].into_iter().find(|v| !cones[0].base.contains(v) && *v != cones[0].corner);
+        moved[0].base[0] = inner.unwrap();
+        assert!(Corners::new(&domain, moved, of_tet.clone()).is_err());
+        assert_eq!(Corners::new(&domain, cones, of_tet[1..].to_vec()), Err(CornerError::Range));
+        // All cones of one corner left out: the others fit without them.
+        let corner = corners.cones()[0].corner;
+        let kept =
+            of_tet.iter().map(|cone| cone.filter(|&cone| corners.cones()[cone as usize].corner != corner)).collect();
+        assert!(Corners::new(&domain, corners.cones().to_vec(), kept).is_ok());
+    }
+}
