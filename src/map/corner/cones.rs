@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use super::Warp;
 use crate::domain::Domain;
-use crate::mesh::{Mat3, TetId, TetMesh, Vec3, VertexId};
+use crate::mesh::{Mat3, TetId, TetMesh, VertexId};
 
 /// How far, in units of t (0 at the corner, 1 on the base), the cones of a corner may disagree at a common vertex, or a vertex lie
 /// off the base: points of flat faces and straight edges are computed with rounding.
@@ -267,6 +267,7 @@ mod tests {
     use crate::Dilatation;
     use crate::map::{Evaluator, Onto, RayEnd, by_ray_casting, caraman};
     use crate::measure::measure;
+    use crate::mesh::Vec3;
     use crate::mesh::fixtures::{cube, fan, split};
     use crate::solid::{FlagSettings, Solid, flag_mesh};
 
