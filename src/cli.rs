@@ -2,6 +2,7 @@
 
 mod bench;
 mod evaluate;
+mod inputs;
 mod interrupt;
 mod map;
 mod measure;

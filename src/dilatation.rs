@@ -67,11 +67,13 @@ pub(crate) fn lower_bound(x: f64) -> String {
 }
 
 /// An upper bound like a [`number`], but rounded up.
+#[cfg(feature = "cli")]
 pub(crate) fn upper_bound(x: f64) -> String {
     towards(x, last_digit(x), number)
 }
 
 /// An upper bound with that many decimals, rounded up.
+#[cfg(feature = "cli")]
 pub(crate) fn rounded_up(x: f64, decimals: usize) -> String {
     towards(x, 0.1f64.powi(decimals as i32), |x| format!("{x:.decimals$}"))
 }

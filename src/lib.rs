@@ -5,6 +5,37 @@
 //! the final positions and set beside proved lower bounds. The command `qcball run` does this for a config file; this page
 //! goes through the library in the order in which data flows.
 //!
+//! # From arrays
+//!
+//! [`arrays`] has one call for each purpose, from a program's own arrays and back:
+//!
+//! ```
+//! use qcball::arrays::{ArrayError, BallMapSettings, ball_map};
+//!
+//! fn main() -> Result<(), ArrayError> {
+//!     // A box of 2 x 1 x 1 with a corner pulled out, and the twelve triangles of its surface joined to a point inside.
+//!     let mut points: Vec<[f64; 3]> = (0..8).map(|i| [2 * (i & 1), i >> 1 & 1, i >> 2].map(f64::from)).collect();
+//!     points[7] = [2.6, 1.3, 1.3];
+//!     points.push([1.0, 0.5, 0.5]);
+//!     let quads = [[0, 2, 6, 4], [1, 5, 7, 3], [0, 4, 5, 1], [2, 3, 7, 6], [0, 1, 3, 2], [4, 6, 7, 5]];
+//!     let tets: Vec<[u32; 4]> = quads.iter().flat_map(|&[a, b, c, d]| [[8, a, b, c], [8, a, c, d]]).collect();
+//!
+//!     let map = ball_map(&points, &tets, &BallMapSettings::default())?;
+//!
+//!     // The image: a position for each vertex, in the unit ball. And K on each tet, the largest of them as small as may be.
+//!     for (corners, k) in map.tets.iter().zip(&map.k) {
+//!         println!("{corners:?} {k:.4}");
+//!     }
+//!     println!("at {:?}: largest K {:.4}, {:?}", map.image[8], map.summary.max_k, map.stop);
+//!     assert!(map.bijective && map.summary.flipped == 0);
+//!     Ok(())
+//! }
+//! ```
+//!
+//! [`arrays::optimize`] improves a map that is there already, [`arrays::measure`] says what any program's map does, and
+//! [`arrays::bounds`] what no map of the mesh can go below. None needs the feature `cli`, which is on by default and brings config
+//! files, reports, pictures and the command line: `default-features = false` leaves those and NLopt out.
+//!
 //! # The problem
 //!
 //! Let s_1 >= s_2 >= s_3 > 0 be the singular values of the Jacobian of an orientation-preserving map. Its *inner*, *outer*
@@ -222,7 +253,7 @@
 //!
 //! # The modules
 //!
-//! In this order; outside of tests, a module uses only what stands above it.
+//! In this order; outside of tests, a module uses only what stands above it. From [`picture`] on they belong to the feature `cli`.
 //!
 //! | module | what it holds |
 //! |---|---|
@@ -234,10 +265,11 @@
 //! | [`map`] | the radial map; whether a map is bijective; a map and its inverse at any points; `analytic`: maps in closed form |
 //! | [`mod@measure`] | dilatations of all tets, their quantiles, the active tets, the bottleneck |
 //! | [`estimate`] | the paper's estimates of K at vertices and cells, of tets and hexahedra |
-//! | [`picture`] | pictures of meshes and maps without a display, and the same figures as data |
 //! | [`objective`] | energies of one tet and their sum with gradient and Hessian |
 //! | [`mod@optimize`] | continuation, Newton, L-BFGS, minimax, untangling |
 //! | [`bound`] | lower bounds, a theorem a file |
+//! | [`arrays`] | the front doors: plain arrays in, plain arrays out |
+//! | [`picture`] | pictures of meshes and maps without a display, and the same figures as data |
 //! | [`config`] | the config as typed and the plan it means |
 //! | [`comparison`] | maps of known dilatation on several meshes: published, estimated and exact values |
 //! | [`report`] | the record of a run, its files, its summary and its page; the page of a sweep |
@@ -250,6 +282,7 @@
 //! The paper all this starts from is Naitsat, Saucan and Zeevi, *Volumetric Quasi-conformal Mappings*, GRAPP 2015,
 //! doi 10.5220/0005298900460057; "paper eq. N" in these pages is an equation of it.
 
+#[doc(hidden)]
 pub mod linalg;
 
 pub mod dilatation;
@@ -266,31 +299,44 @@ pub mod measure;
 
 pub mod estimate;
 
-pub mod picture;
-
+#[doc(hidden)]
 pub mod objective;
 
 pub mod optimize;
 
 pub mod bound;
 
+pub mod arrays;
+
+#[cfg(feature = "cli")]
+pub mod picture;
+
+#[cfg(feature = "cli")]
 pub mod config;
 
+#[cfg(feature = "cli")]
 pub mod comparison;
 
+#[cfg(feature = "cli")]
 pub mod report;
 
+#[cfg(feature = "cli")]
 pub mod experiment;
 
+#[cfg(feature = "cli")]
 pub mod verify;
 
+#[cfg(feature = "cli")]
 pub mod bench;
 
+#[cfg(feature = "cli")]
 pub mod sweep;
 
+#[cfg(feature = "cli")]
 pub mod cli;
 
 pub use bound::LowerBound;
+#[cfg(feature = "cli")]
 pub use config::Plan;
 pub use dilatation::Dilatation;
 pub use domain::Domain;
@@ -298,5 +344,6 @@ pub use map::{RadialCoordinates, bijectivity, caraman};
 pub use measure::{Measured, measure};
 pub use mesh::{TetId, TetMesh, Vec3, VertexId};
 pub use optimize::{OptimizeSettings, Outcome, optimize};
+#[cfg(feature = "cli")]
 pub use report::Report;
 pub use solid::{CentreChoice, ShellSettings, Solid, Surface, shell_mesh, star_centre};

@@ -41,6 +41,18 @@ fn radius_edge_ratio(corners: [Vec3; 4]) -> f64 {
     radius / pairs.map(|(i, j)| (corners[i] - corners[j]).norm()).into_iter().fold(f64::INFINITY, f64::min)
 }
 
+/// The tets of a mesh of a flat-sided solid fill it: their volumes are positive and have its volume as their sum.
+fn fills(mesh: &TetMesh, surface: &Surface, settings: &ExternalSettings) {
+    let volumes = volumes(mesh);
+    assert!(volumes.iter().all(|&volume| volume > 0.0), "{settings:?}");
+    let (sum, whole) = (volumes.iter().sum::<f64>(), surface.volume());
+    // Coordinates of distant solids have eps times their distance as their error: 1e5 times 2e-16, relative to the size.
+    assert!((sum - whole).abs() < 1e-9 * whole, "{settings:?}: {sum} of {whole}");
+    if settings.keep_boundary {
+        assert_eq!(Boundary::of(mesh).unwrap().triangles().len(), surface.triangles().len(), "{settings:?}");
+    }
+}
+
 /// The triangles as sorted corner positions, sorted.
 fn triangles_at(points: &[Vec3], triangles: &[[VertexId; 3]]) -> Vec<[[u64; 3]; 3]> {
     let place = |v: &VertexId| <[f64; 3]>::from(points[v.index()]).map(|x| (x + 0.0).to_bits());
@@ -150,7 +162,9 @@ fn sizing_is_finer_near_sharp_edges() {
         // Kept boundary and sizes together, where TetGen 1.5 needs help.
         let sizing = Some(Sizing { edge_length: 0.3, feature_edge_length: 0.1, growth: 0.5 });
         let settings = ExternalSettings { sizing, keep_boundary: true, ..usual(mesher) };
-        mesh(&STAR.surface().unwrap(), &settings);
+        let star = STAR.surface().unwrap();
+        let Some(mesh) = mesh(&star, &settings) else { continue };
+        fills(&mesh, &star, &settings);
     }
 }
 
@@ -164,7 +178,11 @@ fn tiny_huge_and_distant_solids_are_meshed() {
         let limit = Some(0.05 * scale * scale * scale);
         for (mesher, keep_boundary) in BOTH.into_iter().flat_map(|mesher| [(mesher, false), (mesher, true)]) {
             let max_volume = limit.filter(|_| !keep_boundary);
-            mesh(&surface, &ExternalSettings { max_volume, keep_boundary, ..usual(mesher) });
+            let settings = ExternalSettings { max_volume, keep_boundary, ..usual(mesher) };
+            let Some(mesh) = mesh(&surface, &settings) else { continue };
+            fills(&mesh, &surface, &settings);
+            let largest = volumes(&mesh).into_iter().fold(0.0, f64::max);
+            assert!(max_volume.is_none_or(|limit| largest <= limit * (1.0 + 1e-6)), "{settings:?}: {largest}");
         }
     }
 }

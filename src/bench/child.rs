@@ -10,24 +10,21 @@ use crate::config::BenchPlan;
 /// The programs whose max K is a goal: when had we what they ended with?
 pub(super) const GOALS: [&str; 2] = ["qis_conf", "tinyad_k"];
 
-/// Optimizes a mesh in a new process of this program: the figures, or what that process said was wrong.
+/// Optimizes a mesh in a new process of `program`, a `qcball`: the figures, or what that process said was wrong.
 ///
 /// # Errors
 /// [`BenchError::Start`].
 pub(super) fn optimize_in_child(
+    program: &Path,
     case: &Case,
     plan: &BenchPlan,
     threads: usize,
     peers: Option<&Peers>,
 ) -> Result<Result<Figures, String>, BenchError> {
-    let start = |program: &Path| {
-        let program = program.to_path_buf();
-        move |source| BenchError::Start { program, source }
-    };
-    let program = std::env::current_exe().map_err(start(Path::new("qcball")))?;
-    let folder = tempfile::tempdir().map_err(start(&program))?;
+    let start = |source| BenchError::Start { program: program.into(), source };
+    let folder = tempfile::tempdir().map_err(start)?;
     let trace = folder.path().join("trace.csv");
-    let mut command = Command::new(&program);
+    let mut command = Command::new(program);
     match &case.init {
         Some(init) => {
             command.arg("optimize").arg(&case.rest).arg(init).arg(folder.path().join("image.mesh"));
@@ -39,7 +36,7 @@ pub(super) fn optimize_in_child(
         }
     }
     command.arg("--threads").arg(threads.to_string()).arg("--json").stdin(Stdio::null());
-    let output = command.output().map_err(start(&program))?;
+    let output = command.output().map_err(start)?;
     // 1 is a map that is still flipped: an outcome like others.
     if !matches!(output.status.code(), Some(0 | 1)) {
         let said = String::from_utf8_lossy(&output.stderr);

@@ -75,7 +75,7 @@ pub enum BenchError {
         /// What is wrong.
         message: String,
     },
-    /// This program cannot be started once more.
+    /// The program cannot be started for a mesh.
     #[error("cannot start {} for a mesh: {source}", program.display())]
     Start {
         /// The program.
@@ -172,11 +172,12 @@ pub struct Row {
     pub figures: Result<Figures, String>,
 }
 
-/// Optimizes the meshes one after the other; after each, the table at `out` is written anew and `observe` sees its row.
+/// Optimizes the meshes one after the other, each in a process of `program`, the command `qcball`; after each, the table at `out` is written anew and `observe` sees its row.
 ///
 /// # Errors
 /// A table that cannot be written or a process that cannot be started. What is wrong with one mesh is data in its row.
 pub fn run<E: From<BenchError> + From<WriteError>>(
+    program: &Path,
     plan: &BenchPlan,
     conditions: &Conditions,
     cases: &[Case],
@@ -187,7 +188,7 @@ pub fn run<E: From<BenchError> + From<WriteError>>(
     check_folder_is_writable(out.parent().unwrap_or(Path::new("")))?;
     let mut rows = Vec::new();
     for case in cases {
-        let figures = optimize_in_child(case, plan, conditions.threads, peers)?;
+        let figures = optimize_in_child(program, case, plan, conditions.threads, peers)?;
         rows.push(Row { name: case.name.clone(), radial: case.init.is_none(), figures });
         let text = table(plan, conditions, &rows, cases.len(), peers);
         write_atomically(out, |file| file.write_all(text.as_bytes()))?;

@@ -38,17 +38,19 @@ pub(super) fn bench(arguments: &BenchArguments) -> Result<Ending, Failure> {
     let command: Vec<String> = std::env::args().skip(1).collect();
     let threads = arguments.threads.map_or(plan.threads, usize::from);
     let conditions = Conditions::now(format!("qcball {}", command.join(" ")), threads);
-    let rows = bench::run(&plan, &conditions, &cases, peers.as_ref(), &arguments.out, |row| match &row.figures {
-        Ok(figures) => {
-            let max_k = figures.last.max_k.unwrap_or(f64::INFINITY);
-            print(&format!("{:<16} max K {max_k:.4}, {:.1} s, {}\n", row.name, figures.seconds, figures.stop))
-                .map(|_| ())
-        }
-        Err(message) => {
-            note(&format!("{}: {message}", row.name));
-            Ok::<(), Failure>(())
-        }
-    })?;
+    let program = std::env::current_exe().unwrap_or_else(|_| "qcball".into());
+    let rows =
+        bench::run(&program, &plan, &conditions, &cases, peers.as_ref(), &arguments.out, |row| match &row.figures {
+            Ok(figures) => {
+                let max_k = figures.last.max_k.unwrap_or(f64::INFINITY);
+                print(&format!("{:<16} max K {max_k:.4}, {:.1} s, {}\n", row.name, figures.seconds, figures.stop))
+                    .map(|_| ())
+            }
+            Err(message) => {
+                note(&format!("{}: {message}", row.name));
+                Ok::<(), Failure>(())
+            }
+        })?;
     print(&format!("table           {}\n", arguments.out.display()))?;
     let done = rows.iter().all(|row| row.figures.as_ref().is_ok_and(|figures| figures.last.flipped == 0));
     Ok(if done { Ending::Done } else { Ending::Unfulfilled })

@@ -5,8 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use rayon::prelude::*;
 
-use super::measure::read_map;
-use super::optimize::refuse_to_write_over;
+use super::inputs::{read_map, refuse_to_write_over};
 use super::output::{note, print};
 use super::{Ending, Failure};
 use crate::map::{Evaluator, EvaluatorError, Located, Onto, bijectivity};

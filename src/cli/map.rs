@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::optimize::refuse_to_write_over;
+use super::inputs::refuse_to_write_over;
 use super::output::{note, print};
 use super::{Ending, Failure};
 use crate::dilatation::Dilatation;

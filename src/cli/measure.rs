@@ -1,12 +1,12 @@
 //! `qcball measure REST IMAGE` and `qcball bounds REST IMAGE`: what can be said of any map that two mesh files give.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Args;
 use serde::Serialize;
 
-use super::optimize::{positive, refuse_to_write_over};
+use super::inputs::{positive, read_map, refuse_to_write_over};
 use super::output::{note, print};
 use super::{Ending, Failure};
 use crate::bound::certificate::{self, DEFAULT_TIME_LIMIT};
@@ -167,18 +167,4 @@ pub(super) fn bound_map(arguments: &BoundArguments) -> Result<Ending, Failure> {
         print(&bounds_table(&bounds, best, &limit))?;
     }
     Ok(if found { Ending::Done } else { Ending::Unfulfilled })
-}
-
-/// Reads a map from its two files, and tells if the first one's tets had to be turned.
-pub(super) fn read_map(rest: &Path, image: &Path) -> Result<GivenMap, Failure> {
-    let map = GivenMap::read(rest, image)?;
-    if map.exchanged > 0 {
-        note(&format!(
-            "{} of {} tets of {} were stored with negative orientation; two vertices of each were exchanged",
-            map.exchanged,
-            map.domain.mesh().tets().len(),
-            rest.display()
-        ));
-    }
-    Ok(map)
 }

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use clap::Args;
 
-use super::measure::read_map;
+use super::inputs::{positive, read_map, refuse_to_write_over};
 use super::output::print;
 use super::progress::Progress;
 use super::{Ending, Failure};
@@ -69,14 +69,6 @@ pub(crate) struct OptimizeArguments {
     json: bool,
 }
 
-/// Parses a positive number below 1e9.
-pub(super) fn positive(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value > 0.0 && value < 1e9 => Ok(value),
-        _ => Err("give a positive number below 1e9".into()),
-    }
-}
-
 /// `qcball optimize`.
 pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure> {
     check_tets_can_be_written(&arguments.out)?;
@@ -128,17 +120,6 @@ pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure>
 fn check_inputs_are_kept(arguments: &OptimizeArguments) -> Result<(), Failure> {
     let inputs = [Some(&arguments.rest), Some(&arguments.init), arguments.lock.as_ref()];
     refuse_to_write_over(inputs.into_iter().flatten(), [&arguments.out, &beside(&arguments.out)])
-}
-
-/// Fails if an output is one of the inputs.
-pub(super) fn refuse_to_write_over<'a>(
-    inputs: impl IntoIterator<Item = &'a PathBuf>,
-    outputs: impl IntoIterator<Item = &'a PathBuf> + Clone,
-) -> Result<(), Failure> {
-    // What does not exist yet is no input.
-    let same = |a: &Path, b: &Path| matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b);
-    let hit = inputs.into_iter().find(|input| outputs.clone().into_iter().any(|output| same(input, output)));
-    hit.map_or(Ok(()), |input| Err(Failure::OverInput { path: input.clone() }))
 }
 
 /// `image.mesh` -> `image-domain.mesh`.

@@ -4,8 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::measure::read_map;
-use super::optimize::refuse_to_write_over;
+use super::inputs::{read_map, refuse_to_write_over};
 use super::output::print;
 use super::{Ending, Failure};
 use crate::mesh::TetMesh;

@@ -9,10 +9,10 @@ pub use table::{table, write_results};
 use serde::Serialize;
 
 use crate::config::{AnalyticMeshPlan, AnalyticPlan, CaramanPlan, CellsPlan, MapPlan, MeshPlan};
-use crate::estimate::{Cells, Estimate, EstimateSummary, Estimator, Weights, at_vertices, measure, on_cells};
+use crate::estimate::{Estimate, EstimateSummary, Estimator, Weights, at_vertices, measure, on_cells};
 use crate::map::AnalyticMap;
 use crate::map::analytic::{Caraman, CaramanError, MapError};
-use crate::mesh::{TetMesh, Vec3, VoxelMesh};
+use crate::mesh::{Cells, TetMesh, Vec3, VoxelMesh};
 use crate::picture::{Picture, PictureError, PictureSettings};
 use crate::solid::{
     CentreError, Curvature, ExternalError, FlagError, Invariants, ShellError, SolidError, Surface, SurfaceError,

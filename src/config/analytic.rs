@@ -295,7 +295,7 @@ fn mesh_plan(mesh: AnalyticMesh, path: &Path, maps: usize) -> Result<AnalyticMes
     Ok(AnalyticMeshPlan {
         solid: solid::build(name, &config)?,
         place: mesh.place,
-        centre: plan::centre(&config)?,
+        centre: solid::centre(&config)?,
         cells,
         weights: mesh.weights.unwrap_or(by_default),
         published: of_each_map("published", mesh.published)?,

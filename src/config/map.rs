@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::error::{Fault, reworded};
 use super::limits::positive;
-use super::{Config, ExponentName, ExponentValue, MapKind, MapTable, MeshKind, plan};
+use super::{Config, ExponentName, ExponentValue, MapKind, MapTable, MeshKind, solid};
 use crate::map::AnalyticMap;
 use crate::map::analytic::MapError;
 use crate::mesh::io::holds_a_surface;
@@ -69,7 +69,7 @@ fn farthest(config: &Config) -> Result<InitialMap, Fault> {
         let help = "give a mesh as domain.file, set mesh.kind to \"tetgen\" or \"gmsh\", or use kind = \"radial\"";
         return Err(Fault::at(&["map", "kind"], message, help));
     }
-    if !matches!(plan::centre(config)?, CentreChoice::Centroid | CentreChoice::BoundingBox | CentreChoice::At(_)) {
+    if !matches!(solid::centre(config)?, CentreChoice::Centroid | CentreChoice::BoundingBox | CentreChoice::At(_)) {
         let message = "the map \"farthest\" is for solids without a star centre".to_string();
         let help = "set domain.centre to \"centroid\", \"bbox\" or a point [x, y, z]";
         return Err(Fault::at(&["map", "kind"], message, help));

@@ -7,9 +7,8 @@ use super::error::{ConfigError, EXAMPLE, Fault};
 use super::limits::{duration, positive, whole};
 use super::map::{self, InitialMap};
 use super::mesh::{self, MeshPlan};
-use super::{CentreName, CentreValue, Config, ConfigSource, ObjectiveName, OptimizeTable, PolishName, solid};
+use super::{Config, ConfigSource, ObjectiveName, OptimizeTable, PolishName, solid};
 use crate::bound::certificate::DEFAULT_TIME_LIMIT;
-use crate::mesh::Vec3;
 use crate::mesh::io::{ReadError, holds_a_surface, holds_tets};
 use crate::optimize::{Objective, OptimizeSettings, Polish};
 use crate::solid::{CentreChoice, Solid};
@@ -70,7 +69,7 @@ impl Plan {
             threads: Some(whole(config.threads, 0, 0..=1024, &["threads"])?).filter(|&threads| threads > 0),
             domain: domain(source.path(), config)?,
             keep_mesh: config.domain.keep_mesh,
-            centre: centre(config)?,
+            centre: solid::centre(config)?,
             mesh: mesh::plan(&config.mesh, source.path())?,
             map: map::plan(config)?,
             optimize: optimize(config)?,
@@ -132,20 +131,6 @@ fn domain(config_path: &Path, config: &Config) -> Result<DomainSource, Fault> {
         return Err(Fault::at(&["domain", "keep_mesh"], message, "remove the key, or give a mesh as domain.file"));
     }
     Ok(source)
-}
-
-pub(super) fn centre(config: &Config) -> Result<CentreChoice, Fault> {
-    Ok(match &config.domain.centre {
-        None | Some(CentreValue::Named(CentreName::Kernel)) => CentreChoice::Kernel,
-        Some(CentreValue::Named(CentreName::Centroid)) => CentreChoice::Centroid,
-        Some(CentreValue::Named(CentreName::Bbox)) => CentreChoice::BoundingBox,
-        Some(CentreValue::Named(CentreName::Optimize)) => CentreChoice::Optimize,
-        Some(CentreValue::At(point)) if point.iter().all(|x| x.is_finite()) => CentreChoice::At(Vec3::from(*point)),
-        Some(CentreValue::At(point)) => {
-            let message = format!("the centre {point:?} is not finite");
-            return Err(Fault::at(&["domain", "centre"], message, "give three finite coordinates"));
-        }
-    })
 }
 
 fn certify(config: &Config) -> Result<Option<Duration>, Fault> {

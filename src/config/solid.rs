@@ -5,8 +5,9 @@ use serde::Deserialize;
 
 use super::error::Fault;
 use super::limits::{between, positive, whole};
-use super::{Config, DomainTable};
-use crate::solid::Solid;
+use super::{CentreName, CentreValue, Config, DomainTable};
+use crate::mesh::Vec3;
+use crate::solid::{CentreChoice, Solid};
 
 /// The name of a built-in solid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
@@ -138,4 +139,19 @@ fn lengths<const N: usize>(given: &Option<Vec<f64>>, default: [f64; N], key: &'s
             let message = format!("`{key}` is {given:?}, but must be {N} lengths, all finite and greater than 0");
             Fault::at(&["domain", key], message, format!("for example {key} = {default:?}"))
         })
+}
+
+/// The star centre that a config asks for.
+pub(super) fn centre(config: &Config) -> Result<CentreChoice, Fault> {
+    Ok(match &config.domain.centre {
+        None | Some(CentreValue::Named(CentreName::Kernel)) => CentreChoice::Kernel,
+        Some(CentreValue::Named(CentreName::Centroid)) => CentreChoice::Centroid,
+        Some(CentreValue::Named(CentreName::Bbox)) => CentreChoice::BoundingBox,
+        Some(CentreValue::Named(CentreName::Optimize)) => CentreChoice::Optimize,
+        Some(CentreValue::At(point)) if point.iter().all(|x| x.is_finite()) => CentreChoice::At(Vec3::from(*point)),
+        Some(CentreValue::At(point)) => {
+            let message = format!("the centre {point:?} is not finite");
+            return Err(Fault::at(&["domain", "centre"], message, "give three finite coordinates"));
+        }
+    })
 }

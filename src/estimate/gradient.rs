@@ -5,9 +5,8 @@ use std::f64::consts::PI;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{RngCore, SeedableRng};
 
-use super::Cells;
 use crate::domain::edge_matrix;
-use crate::mesh::{Mat3, Vec3};
+use crate::mesh::{Cells, Mat3, Vec3};
 
 /// The gradient on one cell, row i that of coordinate i of the image.
 ///

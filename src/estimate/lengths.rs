@@ -1,7 +1,6 @@
 //! Stretches from the lengths of edges (paper eq. 26).
 
-use super::Cells;
-use crate::mesh::Vec3;
+use crate::mesh::{Cells, Vec3};
 
 /// The largest and the least |e'| / |e| over the edges of a cell at one of its corners.
 pub(super) fn at_corner(cells: Cells, cell: usize, corner: usize, domain: &[Vec3], image: &[Vec3]) -> [f64; 2] {

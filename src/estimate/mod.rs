@@ -3,26 +3,23 @@
 //! [`mod@crate::measure`] says what the piecewise-linear map has, exactly; these say what the smooth map behind it may have, by
 //! averages over the cells at a vertex. They are neither upper nor lower bounds of it.
 
-mod cells;
 mod gradient;
 mod lengths;
 mod weights;
 
-pub use cells::Cells;
 pub use gradient::gradient;
 pub use weights::{Weights, measure};
 
-use clap::ValueEnum;
 use rayon::prelude::*;
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::dilatation::Dilatation;
 use crate::linalg::svd;
-use crate::mesh::{Mat3, Vec3};
+use crate::mesh::{Cells, Mat3, Vec3};
 
 /// How the largest and the least stretch and the Jacobian determinant are estimated.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema, clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum Estimator {
     /// The paper's default: stretches from the gradient by random directions, the Jacobian from the volume ratio.

@@ -1,16 +1,14 @@
 //! The measure of cells and the weights of cells at a vertex (paper eq. 23-25, Table 1).
 
-use clap::ValueEnum;
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::Cells;
 use crate::domain::edge_matrix;
-use crate::mesh::Vec3;
 use crate::mesh::angle::tet_solid_angle;
+use crate::mesh::{Cells, Vec3};
 
 /// How much each cell at a vertex counts (paper Table 1); the weights are normalized to the sum 1.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema, clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum Weights {
     /// All cells count the same: the paper's choice on boxes.

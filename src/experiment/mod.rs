@@ -14,7 +14,7 @@ use crate::domain::Domain;
 use crate::map::bijectivity;
 use crate::measure::{Measured, bottleneck, measure};
 use crate::mesh::{TetId, Vec3};
-use crate::optimize::{OptimizeSettings, Outcome, StopReason, TraceRow, Untangled, optimize, untangle};
+use crate::optimize::{Outcome, TraceRow, untangle_and_optimize};
 use crate::report::{BestBound, DomainFigures, Limit, MapRecord, Report, Times, UntanglingFigures};
 
 pub use error::{Fault, RunError};
@@ -138,22 +138,4 @@ fn locked_warning(domain: &Domain, bounds: &[LowerBound]) -> Option<String> {
         if locked.len() > NAMED { ", ..." } else { "" },
         lower_bound(forced.value)
     ))
-}
-
-/// Frees a start of flipped tets if it has any, then optimises; if some resist, the least flipped map is the outcome.
-fn untangle_and_optimize(
-    domain: &Domain,
-    start: &[Vec3],
-    fixed: &[bool],
-    settings: &OptimizeSettings,
-    observe: &mut dyn FnMut(&TraceRow),
-) -> Result<(Untangled, Outcome), Fault> {
-    let untangled = untangle(domain, start, fixed, settings, observe)?;
-    let outcome = if untangled.resisting.is_empty() {
-        optimize(domain, &untangled.positions, fixed, settings, observe)?
-    } else {
-        let outcome = Outcome::still_flipped(untangled.positions.clone());
-        if settings.cancel.is_raised() { Outcome { stop: StopReason::Cancelled, ..outcome } } else { outcome }
-    };
-    Ok((untangled, outcome))
 }

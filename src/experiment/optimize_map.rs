@@ -3,14 +3,14 @@
 use std::path::Path;
 use std::time::Instant;
 
+use super::ACTIVE;
 use super::error::{Fault, RunError};
-use super::{ACTIVE, untangle_and_optimize};
 use crate::bound;
 use crate::domain::Domain;
 use crate::measure::measure;
 use crate::mesh::io::{ReadError, read_tets};
 use crate::mesh::{TetMesh, TetSoup, Vec3, full_boundary};
-use crate::optimize::{OptimizeSettings, TraceRow};
+use crate::optimize::{OptimizeSettings, TraceRow, untangle_and_optimize};
 use crate::report::{BestBound, Limit, MapReport, Splits, Times, UntanglingFigures};
 
 /// A map given by two files: a mesh and the same mesh with moved vertices.

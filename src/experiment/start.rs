@@ -5,7 +5,7 @@ use std::path::Path;
 use super::error::{Fault, RunError};
 use crate::config::{DomainSource, InitialMap, MeshPlan, Plan};
 use crate::domain::Domain;
-use crate::map::{AnalyticMap, RadialCoordinates, RayEnd, by_ray_casting, caraman};
+use crate::map::{AnalyticMap, RadialCoordinates, RayEnd, caraman};
 use crate::mesh::io::{read_surface, read_tets};
 use crate::mesh::{Orientation, TetMesh, Vec3, full_boundary, orientation};
 use crate::report::{MapFigures, Splits};
@@ -105,7 +105,7 @@ impl Start {
                 (centre.position, Some(centre), RayEnd::Only)
             }
         };
-        let coordinates = radial_coordinates(&domain, surface, position, end)?;
+        let coordinates = RadialCoordinates::of_domain(&domain, surface, position, end)?;
         let mut start = Self { splits, ..Self::of_rays(domain, surface, centre, &coordinates, plan) };
         if end == RayEnd::Farthest {
             start.warnings.push(
@@ -192,21 +192,4 @@ fn freed(domain: Domain, keep_mesh: bool) -> Result<(Domain, Option<Splits>), Fa
     }
     let splits = Splits { edges: full.edge_splits, faces: full.face_splits, tets_before: domain.mesh().tets().len() };
     Ok((Domain::new(full.mesh)?, Some(splits)))
-}
-
-/// Radial coordinates of all vertices, those of the boundary at the ends of their rays.
-fn radial_coordinates(
-    domain: &Domain,
-    surface: &Surface,
-    centre: Vec3,
-    end: RayEnd,
-) -> Result<Vec<RadialCoordinates>, Fault> {
-    let mut coordinates = by_ray_casting(surface, centre, domain.mesh().points(), end)?;
-    for (at, &on_boundary) in coordinates.iter_mut().zip(domain.boundary().vertex_mask()) {
-        // With "farthest" a boundary point may lie before the end of its ray.
-        if on_boundary && (end == RayEnd::Only || at.fraction > 1.0 - 1e-9) {
-            at.fraction = 1.0;
-        }
-    }
-    Ok(coordinates)
 }

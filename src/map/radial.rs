@@ -7,6 +7,7 @@ use bvh::ray::Ray;
 use nalgebra::Point3;
 use rayon::prelude::*;
 
+use crate::domain::Domain;
 use crate::mesh::{Mat3, TriangleId, Vec3};
 use crate::solid::{ShellMesh, Surface};
 
@@ -46,6 +47,23 @@ impl RadialCoordinates {
             direction: (shell.surface.points()[vertex.index()] - centre).normalize(),
         });
         std::iter::once(at_centre).chain(on_rays).collect()
+    }
+}
+
+impl RadialCoordinates {
+    /// The coordinates of all vertices of a mesh of the solid inside `surface`, those of its boundary at the ends of their rays.
+    ///
+    /// # Errors
+    /// [`RayError`] if a ray misses the surface by more than rounding.
+    pub fn of_domain(domain: &Domain, surface: &Surface, centre: Vec3, end: RayEnd) -> Result<Vec<Self>, RayError> {
+        let mut coordinates = by_ray_casting(surface, centre, domain.mesh().points(), end)?;
+        for (at, &on_boundary) in coordinates.iter_mut().zip(domain.boundary().vertex_mask()) {
+            // With "farthest" a boundary point may lie before the end of its ray.
+            if on_boundary && (end == RayEnd::Only || at.fraction > 1.0 - 1e-9) {
+                at.fraction = 1.0;
+            }
+        }
+        Ok(coordinates)
     }
 }
 

@@ -3,6 +3,7 @@
 pub mod angle;
 mod boundary;
 mod boundary_edges;
+mod cells;
 mod features;
 #[cfg(test)]
 pub(crate) mod fixtures;
@@ -17,6 +18,7 @@ mod voxel_mesh;
 pub(crate) use boundary::DisjointSets;
 pub use boundary::{Boundary, TopologyError};
 pub use boundary_edges::{BoundaryEdge, BoundaryEdges};
+pub use cells::Cells;
 pub use features::{Features, SHARP};
 pub use full_boundary::{FullBoundary, full_boundary};
 pub use place::Place;

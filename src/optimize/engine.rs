@@ -2,7 +2,6 @@
 
 use std::fmt;
 
-use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::argmin_phase::ArgminSolver;
@@ -21,7 +20,8 @@ pub const MOST_TETS_CONSERVATIVE: usize = 500;
 /// method or, for the last three engines, by NLopt in the epigraph form: the least t with `3 l_1 <= t` and `-3 l_3 <= t`
 /// for every tet. Those start from the map of Newton's soft maxima up to exponent 48, use dense matrices and are for
 /// small meshes: an independent check of the others.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema, clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum Engine {
     /// Projected Newton with a sparse factorization.

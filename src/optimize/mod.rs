@@ -291,6 +291,27 @@ pub fn optimize(
     Ok(Outcome { positions: image, stop, kkt, trace: recorder.rows })
 }
 
+/// Frees a start of flipped tets if it has any, then optimizes; if some resist, the least flipped map is the outcome.
+///
+/// # Errors
+/// As [`untangle()`] and [`optimize`].
+pub fn untangle_and_optimize(
+    domain: &Domain,
+    start: &[Vec3],
+    fixed: &[bool],
+    settings: &OptimizeSettings,
+    observe: &mut dyn FnMut(&TraceRow),
+) -> Result<(Untangled, Outcome), OptimizeError> {
+    let untangled = untangle(domain, start, fixed, settings, observe)?;
+    let outcome = if untangled.resisting.is_empty() {
+        optimize(domain, &untangled.positions, fixed, settings, observe)?
+    } else {
+        let outcome = Outcome::still_flipped(untangled.positions.clone());
+        if settings.cancel.is_raised() { Outcome { stop: StopReason::Cancelled, ..outcome } } else { outcome }
+    };
+    Ok((untangled, outcome))
+}
+
 /// How the soft maxima's Newton systems are solved.
 fn method(fixed: &[bool]) -> Method {
     let free = fixed.iter().filter(|&&fixed| !fixed).count();

@@ -1,15 +1,12 @@
 //! What planes leave of a mesh, as polygons.
 
-use std::collections::HashMap;
 use std::str::FromStr;
 
 use super::PictureError;
 use super::figures::PanelFigures;
-use crate::estimate::Cells;
-use crate::mesh::{TetMesh, Vec3, VertexId};
+use crate::mesh::{Cells, Vec3, VertexId};
 
-/// The corners of a box's faces, and the tets that fill it, all along the diagonal from its first to its last corner.
-const BOX_FACES: [[usize; 4]; 6] = [[0, 2, 6, 4], [1, 5, 7, 3], [0, 4, 5, 1], [2, 3, 7, 6], [0, 1, 3, 2], [4, 6, 7, 5]];
+/// The tets that fill a box, all along the diagonal from its first to its last corner.
 const BOX_TETS: [[usize; 4]; 6] = [[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0, 5, 1, 7]];
 
 /// A plane n . x = d of the domain; the side n . x > d is cut away.
@@ -114,29 +111,6 @@ impl Polygon {
     }
 }
 
-/// The faces that belong to one cell only.
-pub(super) fn boundary(cells: Cells) -> Vec<(usize, Vec<VertexId>)> {
-    let faces = |cell: usize| -> Vec<Vec<VertexId>> {
-        let vertices = cells.vertices(cell);
-        match cells {
-            Cells::Tets(_) => TetMesh::FACES.iter().map(|face| face.map(|i| vertices[i]).to_vec()).collect(),
-            Cells::Hexahedra(_) => BOX_FACES.iter().map(|face| face.map(|i| vertices[i]).to_vec()).collect(),
-        }
-    };
-    let key = |face: &[VertexId]| {
-        let mut key = face.to_vec();
-        key.sort_unstable();
-        key
-    };
-    let mut uses: HashMap<Vec<VertexId>, u32> = HashMap::new();
-    (0..cells.len()).for_each(|cell| faces(cell).iter().for_each(|face| *uses.entry(key(face)).or_default() += 1));
-    let outer = |cell: usize| {
-        let once = faces(cell).into_iter().filter(|face| uses[&key(face)] == 1);
-        once.map(|face| (cell, face)).collect::<Vec<_>>()
-    };
-    (0..cells.len()).flat_map(outer).collect()
-}
-
 /// The boundary of what is left when the points beyond all of `cuts` are taken away: the boundary of the mesh first, then the
 /// sections.
 pub(super) fn polygons(
@@ -156,7 +130,7 @@ pub(super) fn polygons(
         found.map_or(Side::Plain, |value| Side::Edge(*value))
     };
     let mut polygons = Vec::new();
-    for (cell, face) in boundary(cells) {
+    for (cell, face) in cells.boundary_faces() {
         let next = |i: usize| face[(i + 1) % face.len()];
         let corners = face.iter().enumerate().map(|(i, &v)| (corner(v), side(v, next(i)))).collect();
         keep(Polygon { corners, cell, boundary: true }, cuts, &mut polygons);
@@ -228,7 +202,7 @@ fn section(tet: [Corner; 4], cut: &Cut) -> Option<Vec<Corner>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::VoxelMesh;
+    use crate::mesh::{TetMesh, VoxelMesh};
     use crate::solid::{CentreChoice, ShellSettings, Solid, shell_mesh, star_centre};
 
     const NONE: PanelFigures = PanelFigures { vertices: None, edges: None };

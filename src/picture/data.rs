@@ -4,9 +4,8 @@ use std::path::Path;
 
 use super::PictureError;
 use super::figures::{CellFigures, OnBoundary};
-use crate::estimate::Cells;
 use crate::mesh::io::{DataArray, Values, WriteError, write_surface_vtu};
-use crate::mesh::{Vec3, VertexId};
+use crate::mesh::{Cells, Vec3, VertexId};
 
 /// The boundary of a mesh of tets, with what pictures show of it.
 #[derive(Clone, Debug)]

@@ -2,10 +2,10 @@
 
 use std::collections::HashMap;
 
-use super::{Colour, PictureError, cut};
+use super::{Colour, PictureError};
 use crate::dilatation::Dilatation;
-use crate::estimate::{Cells, Estimate, Estimator, on_cells};
-use crate::mesh::{PolygonSoup, Vec3, VertexId};
+use crate::estimate::{Estimate, Estimator, on_cells};
+use crate::mesh::{Cells, PolygonSoup, Vec3, VertexId};
 use crate::solid::{Curvature, Surface};
 
 /// The figures of a picture. What a colour does not ask for is empty.
@@ -110,7 +110,7 @@ impl OnBoundary {
         if let Cells::Hexahedra(_) = cells {
             return Err(PictureError::Boxes);
         }
-        let (owners, polygons): (Vec<usize>, Vec<Vec<VertexId>>) = cut::boundary(cells).into_iter().unzip();
+        let (owners, polygons): (Vec<usize>, Vec<Vec<VertexId>>) = cells.boundary_faces().into_iter().unzip();
         let triangles: Vec<[VertexId; 3]> = polygons.iter().map(|face| [face[0], face[1], face[2]]).collect();
         let surface = Surface::from_soup(PolygonSoup { points: points.to_vec(), polygons })?;
         let curvature = Curvature::of(&surface);

@@ -22,9 +22,8 @@ use figures::Figures;
 use raster::Canvas;
 use sheet::Sheet;
 
-use crate::estimate::Cells;
-use crate::mesh::Vec3;
 use crate::mesh::io::WriteError;
+use crate::mesh::{Cells, Vec3};
 use crate::solid::SurfaceError;
 
 /// Side of a panel, in pixels.

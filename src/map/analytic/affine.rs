@@ -1,6 +1,5 @@
 //! Affine maps: the same Jacobian everywhere (paper §2.3).
 
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{ClosedForm, MapError};
@@ -9,7 +8,8 @@ use crate::linalg::svd;
 use crate::mesh::{Mat3, Vec3};
 
 /// x -> A x + b, with det A not 0; negative for a mirror image.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Affine {
     /// A, by rows.

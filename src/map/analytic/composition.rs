@@ -1,6 +1,5 @@
 //! Maps one after the other.
 
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{AnalyticMap, ClosedForm, MapError};
@@ -9,7 +8,8 @@ use crate::linalg::svd;
 use crate::mesh::{Mat3, Vec3};
 
 /// The first map, then the second, and so on. No maps make the identity.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Composition {
     /// The maps in the order in which they are applied.

@@ -2,7 +2,6 @@
 
 use std::f64::consts::PI;
 
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{ClosedForm, Cylindrical, MapError, SLACK, positive};
@@ -14,7 +13,8 @@ use crate::mesh::{Mat3, Vec3};
 /// The stretches are 1, q and m(theta) = sin(q theta) / sin(theta), which is q on the axis and monotone in theta (x cot x
 /// falls). As logarithms of K_I and K_O are convex in ln m, both have their suprema at the axis or at the cone's mantle.
 /// Towards q theta = pi, or theta = pi, m tends to 0 or infinity: on the whole domain of the formula K has no bound.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Cone {
     /// q = beta / alpha > 0: the half-angle of the image cone over that of the cone.

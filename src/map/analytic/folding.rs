@@ -2,7 +2,6 @@
 
 use std::f64::consts::TAU;
 
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{ClosedForm, Cylindrical, MapError, positive};
@@ -13,7 +12,8 @@ use crate::mesh::{Mat3, Vec3};
 ///
 /// The stretches are 1, q, 1 everywhere: for q >= 1, K_I = q and K_O = q^2; for q <= 1, K_I = q^-2 and K_O = 1 / q. The map
 /// jumps at the half-plane y = 0, x > 0, where phi does: a mesh must lie on one side of it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Folding {
     /// q = beta / alpha > 0: the angle of the image wedge over that of the wedge.

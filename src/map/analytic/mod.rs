@@ -21,7 +21,6 @@ pub use zorich1::Zorich1;
 pub use zorich2::Zorich2;
 
 use rayon::prelude::*;
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::dilatation::Dilatation;
@@ -56,7 +55,8 @@ pub enum MapError {
 }
 
 /// A map that a formula gives; `kind` in a config, with the parameters as further keys.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum AnalyticMap {
     /// x -> A x + b.
@@ -81,9 +81,11 @@ pub enum AnalyticMap {
 }
 
 /// The maps of the command line, but for a composition, which is easier made by several calls; the last one is [`Caraman::new`], from the mesh that it is applied to.
+#[cfg(feature = "cli")]
 const NAMES: &str = "affine, folding, cone, power, zorich1, zorich2, zorich and caraman";
 
 /// A value of a parameter without a default.
+#[cfg(feature = "cli")]
 fn example(key: &str) -> &'static str {
     match key {
         "matrix" => "\"[[2, 0, 0], [0, 1, 0], [0, 0, 1]]\"",
@@ -147,6 +149,7 @@ impl AnalyticMap {
     /// # Errors
     /// An unknown name or key, a missing one, a value of the wrong type or out of range. `caraman`, which needs a
     /// surface, is not made from words.
+    #[cfg(feature = "cli")]
     pub fn from_words(name: &str, words: &[String]) -> Result<Self, MapError> {
         let mut table = toml::Table::new();
         for word in words {

@@ -1,6 +1,5 @@
 //! The radial power map (paper eq. 14, 15).
 
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{ClosedForm, MapError};
@@ -12,7 +11,8 @@ use crate::mesh::{Mat3, Vec3};
 /// The stretches are |x|^(a-1) times 1, 1, |a|: for |a| >= 1, K_I = |a| and K_O = a^2; for |a| <= 1, K_I = a^-2 and
 /// K_O = 1 / |a|, whatever the domain. For a < 0 the map reverses orientation and has no value at 0; a = -1 is the
 /// inversion in the unit sphere, conformal.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Power {
     /// a.

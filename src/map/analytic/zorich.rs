@@ -2,7 +2,6 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{ClosedForm, MapError, Zorich1, Zorich2, positive};
@@ -16,7 +15,8 @@ use crate::mesh::{Mat3, Vec3};
 /// p^2 + q^2 = pi^2 / 4 + c^2 m^2. K_I and K_O are largest at the edges of the cylinder, t = 1 and m = 1: K_I = 7.3627,
 /// K_O = 5.7826. (That this is the maximum over all c in [1/sqrt 2, 1], m in [1, pi/2] is checked on a grid, not proved.)
 /// A ball of radius l at the origin stays at s <= 1/sqrt 2 where t = 1, and has sup K = 5.07.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Zorich {
     /// l > 0; for a model at the origin the paper takes l = a R with R the radius of its bounding cylinder, a >= 1.

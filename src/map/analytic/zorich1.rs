@@ -1,6 +1,5 @@
 //! The first factor of the Zorich map: a square cylinder onto a round one (paper eq. 16).
 
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{ClosedForm, Cylindrical, MapError, SLACK, positive};
@@ -14,7 +13,8 @@ use crate::mesh::{Mat3, Vec3};
 /// sigma = (t + sqrt(t^2 + 4)) / 2, so K_I = sigma^3 / c and K_O = c sigma^3. Both grow with t (their logarithms have the
 /// derivatives 3 / sqrt(t^2 + 4) +- t / (1 + t^2) > 0); on the diagonals t = 1, sigma is the golden ratio g,
 /// K_I = sqrt(2) g^3 = 5.9907 and K_O = g^3 / sqrt(2).
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Zorich1 {
     /// l > 0.

@@ -2,7 +2,6 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{ClosedForm, Cylindrical, MapError, SLACK, positive};
@@ -13,7 +12,8 @@ use crate::mesh::{Mat3, Vec3};
 ///
 /// With s = r / l the stretches are e^(z/l) / l times 1, pi / 2 and m = sin(pi s / 2) / s in [1, pi / 2], so
 /// K_I = m pi / 2 and K_O = pi^2 / (4 m); pi^2 / 4 is the supremum of both, of K_I on the axis and of K_O on the mantle.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Zorich2 {
     /// l > 0: the radius of the cylinder.

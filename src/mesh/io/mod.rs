@@ -10,6 +10,7 @@ mod numbers;
 mod obj;
 mod off;
 mod ply;
+#[cfg(feature = "cli")]
 mod points;
 mod stl;
 mod tet_file;
@@ -20,6 +21,7 @@ mod write;
 
 pub use atomic::{WriteError, check_folder_is_writable, write_atomically};
 pub use medit::{read_medit, write_medit};
+#[cfg(feature = "cli")]
 pub use points::{PointTable, check_points_can_be_written, read_points};
 pub use tet_file::{CellData, TetFile};
 pub use vtk::{DataArray, Values, write_hexahedra_vtu, write_points_vtu, write_surface_vtu, write_vtu};

@@ -1,6 +1,11 @@
-//! Tets or hexahedra: what the estimators ask of both.
+//! Tets or hexahedra: what estimators and pictures ask of both.
 
-use crate::mesh::{TetMesh, Vec3, VertexId, VoxelMesh};
+use std::collections::HashMap;
+
+use super::{TetMesh, Vec3, VertexId, VoxelMesh};
+
+/// The corners of a box's faces.
+const BOX_FACES: [[usize; 4]; 6] = [[0, 2, 6, 4], [1, 5, 7, 3], [0, 4, 5, 1], [2, 3, 7, 6], [0, 1, 3, 2], [4, 6, 7, 5]];
 
 /// The connectivity of a mesh.
 #[derive(Clone, Copy, Debug)]
@@ -55,7 +60,7 @@ impl<'a> Cells<'a> {
 
     /// The three corners that edges of the cell join to a corner, in the order in which they are counter-clockwise seen from
     /// outside or the reverse.
-    pub(super) fn neighbours(self, corner: usize) -> [usize; 3] {
+    pub(crate) fn neighbours(self, corner: usize) -> [usize; 3] {
         match self {
             Self::Tets(_) => TetMesh::FACES[corner],
             Self::Hexahedra(_) => [corner ^ 1, corner ^ 2, corner ^ 4],
@@ -63,7 +68,7 @@ impl<'a> Cells<'a> {
     }
 
     /// For each vertex its cells, in their order, each with the number of the corner that the vertex is.
-    pub(super) fn incidence(self, vertices: usize) -> Vec<Vec<(u32, u8)>> {
+    pub(crate) fn incidence(self, vertices: usize) -> Vec<Vec<(u32, u8)>> {
         let mut incidence = vec![Vec::new(); vertices];
         for cell in 0..self.len() {
             for (corner, vertex) in (0..).zip(self.vertices(cell)) {
@@ -74,12 +79,35 @@ impl<'a> Cells<'a> {
     }
 
     /// The positions of a tet's corners.
-    pub(super) fn tet(tet: &[VertexId; 4], points: &[Vec3]) -> [Vec3; 4] {
+    pub(crate) fn tet(tet: &[VertexId; 4], points: &[Vec3]) -> [Vec3; 4] {
         tet.map(|v| points[v.index()])
     }
 
     /// The positions of a hexahedron's corners.
-    pub(super) fn hexahedron(cell: &[VertexId; 8], points: &[Vec3]) -> [Vec3; 8] {
+    pub(crate) fn hexahedron(cell: &[VertexId; 8], points: &[Vec3]) -> [Vec3; 8] {
         cell.map(|v| points[v.index()])
+    }
+
+    /// The faces that belong to one cell only, each with that cell.
+    pub fn boundary_faces(self) -> Vec<(usize, Vec<VertexId>)> {
+        let faces = |cell: usize| -> Vec<Vec<VertexId>> {
+            let vertices = self.vertices(cell);
+            match self {
+                Self::Tets(_) => TetMesh::FACES.iter().map(|face| face.map(|i| vertices[i]).to_vec()).collect(),
+                Self::Hexahedra(_) => BOX_FACES.iter().map(|face| face.map(|i| vertices[i]).to_vec()).collect(),
+            }
+        };
+        let key = |face: &[VertexId]| {
+            let mut key = face.to_vec();
+            key.sort_unstable();
+            key
+        };
+        let mut uses: HashMap<Vec<VertexId>, u32> = HashMap::new();
+        (0..self.len()).for_each(|cell| faces(cell).iter().for_each(|face| *uses.entry(key(face)).or_default() += 1));
+        let outer = |cell: usize| {
+            let once = faces(cell).into_iter().filter(|face| uses[&key(face)] == 1);
+            once.map(|face| (cell, face)).collect::<Vec<_>>()
+        };
+        (0..self.len()).flat_map(outer).collect()
     }
 }

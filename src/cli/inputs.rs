@@ -1,0 +1,40 @@
+//! What several commands take: numbers, maps of two files, and files that must not be written over.
+
+use std::path::{Path, PathBuf};
+
+use super::Failure;
+use super::output::note;
+use crate::experiment::GivenMap;
+
+/// Parses a positive number below 1e9.
+pub(super) fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value > 0.0 && value < 1e9 => Ok(value),
+        _ => Err("give a positive number below 1e9".into()),
+    }
+}
+
+/// Reads a map from its two files, and tells if the first one's tets had to be turned.
+pub(super) fn read_map(rest: &Path, image: &Path) -> Result<GivenMap, Failure> {
+    let map = GivenMap::read(rest, image)?;
+    if map.exchanged > 0 {
+        note(&format!(
+            "{} of {} tets of {} were stored with negative orientation; two vertices of each were exchanged",
+            map.exchanged,
+            map.domain.mesh().tets().len(),
+            rest.display()
+        ));
+    }
+    Ok(map)
+}
+
+/// Fails if an output is one of the inputs.
+pub(super) fn refuse_to_write_over<'a>(
+    inputs: impl IntoIterator<Item = &'a PathBuf>,
+    outputs: impl IntoIterator<Item = &'a PathBuf> + Clone,
+) -> Result<(), Failure> {
+    // What does not exist yet is no input.
+    let same = |a: &Path, b: &Path| matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b);
+    let hit = inputs.into_iter().find(|input| outputs.clone().into_iter().any(|output| same(input, output)));
+    hit.map_or(Ok(()), |input| Err(Failure::OverInput { path: input.clone() }))
+}
