@@ -1,8 +1,9 @@
 //! What every engine reports its iterates to.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-use super::{Cancel, OptimizeSettings, StopReason, TraceRow};
+use super::{OptimizeSettings, StopReason, TraceRow};
+use crate::cancel::Cancel;
 use crate::dilatation::Dilatation;
 use crate::mesh::{TetId, Vec3};
 use crate::objective::Iterate;
@@ -30,8 +31,7 @@ pub(super) struct Recorder<'a> {
     pub(super) part: Option<Part>,
     start: Instant,
     pub(super) max_iterations: usize,
-    time_limit: Option<Duration>,
-    cancel: Cancel,
+    pub(super) cancel: Cancel,
     observe: &'a mut dyn FnMut(&TraceRow),
     pub(super) rows: Vec<TraceRow>,
     pub(super) best: Vec<Vec3>,
@@ -49,8 +49,7 @@ impl<'a> Recorder<'a> {
             part: None,
             start: Instant::now(),
             max_iterations: settings.max_iterations,
-            time_limit: settings.time_limit,
-            cancel: settings.cancel.clone(),
+            cancel: settings.starting_now().cancel,
             observe,
             rows: Vec::new(),
             best: start.image().to_vec(),
@@ -84,16 +83,8 @@ impl<'a> Recorder<'a> {
 
     /// Which limit stopped it.
     pub(super) fn interruption(&self) -> StopReason {
-        if self.cancel.is_raised() {
-            return StopReason::Cancelled;
-        }
         // NLopt counts evaluations, of which there may be more than rows: the time tells.
-        let out_of_time = self.time_left().is_some_and(|left| left.is_zero());
-        if out_of_time { StopReason::TimeLimit } else { StopReason::IterationLimit }
-    }
-
-    pub(super) fn time_left(&self) -> Option<Duration> {
-        self.time_limit.map(|limit| limit.saturating_sub(self.start.elapsed()))
+        StopReason::of(&self.cancel).unwrap_or(StopReason::IterationLimit)
     }
 
     pub(super) fn record(&mut self, phase: &str, objective: f64, step: f64, iterate: &Iterate) -> Progress {
@@ -118,9 +109,8 @@ impl<'a> Recorder<'a> {
         };
         (self.observe)(&row);
         self.rows.push(row);
-        let out_of_time = self.time_left().is_some_and(|left| left.is_zero());
         // Row 0 is the start.
-        let stop = out_of_time || self.cancel.is_raised() || self.rows.len() > self.max_iterations;
+        let stop = self.cancel.is_due() || self.rows.len() > self.max_iterations;
         if stop { Progress::Stop } else { Progress::Continue }
     }
 }
