@@ -11,7 +11,7 @@ use crate::cancel::Cancel;
 use crate::domain::Domain;
 use crate::map::{RadialCoordinates, RayEnd, RayError, bijectivity, caraman};
 use crate::measure::{Summary, measure as measure_domain};
-use crate::mesh::{FullBoundary, MeshError, TetMesh, TopologyError, Vec3, VertexId, full_boundary};
+use crate::mesh::{FullBoundary, MeshError, TetMesh, TopologyError, Unit, Vec3, VertexId, full_boundary};
 use crate::optimize::{OptimizeError, OptimizeSettings, StopReason, TraceRow, untangle_and_optimize};
 use crate::solid::{CentreChoice, CentreError, Surface, SurfaceError, star_centre};
 
@@ -171,15 +171,21 @@ pub fn ball_map_observed(
     if !(settings.exponent > 0.0 && settings.exponent.is_finite()) {
         return Err(ArrayError::Exponent(settings.exponent));
     }
-    let given = Domain::new(mesh(points, tets)?)?;
+    let (mesh, unit) = mesh(points, tets)?;
+    let given = Domain::new(mesh)?;
     let surface = Surface::from_triangles(given.mesh().points().to_vec(), given.boundary().triangles())?;
-    let centre = star_centre(&surface, &settings.centre)?.position;
+    let choice = match &settings.centre {
+        CentreChoice::At(point) => CentreChoice::At(point.map(|x| unit.take(x, 1))),
+        rule => rule.clone(),
+    };
+    let centre = star_centre(&surface, &choice)?.position;
     let full = full_boundary(given.mesh(), given.boundary())?;
     let domain = if full.parents.is_empty() { given } else { Domain::new(full.mesh)? };
     let coordinates = RadialCoordinates::of_domain(&domain, &surface, centre, RayEnd::Only)?;
     let start = caraman(&coordinates, settings.exponent);
     let fixed = domain.boundary().vertex_mask().to_vec();
-    let mut map = improved(domain, &start, &fixed, &settings.optimize, observe)?;
+    let units = [unit, Unit::default()];
+    let mut map = improved(domain, units, &start, &fixed, &settings.optimize, observe)?;
     map.bound(Some(centre), settings.certify);
     Ok(map.arrays())
 }
@@ -211,8 +217,9 @@ pub fn optimize_observed(
     settings: &OptimizeSettings,
     observe: &mut dyn FnMut(&TraceRow),
 ) -> Result<MappedMesh, ArrayError> {
-    let given = Domain::any_topology(mesh(points, tets)?)?;
-    let image = positions("image", image, points.len())?;
+    let (mesh, unit) = mesh(points, tets)?;
+    let given = Domain::any_topology(mesh)?;
+    let (image, of_image) = positions("image", image, points.len())?;
     if let Some(row) = image.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
         return Err(ArrayError::NotFinite { array: "image", row });
     }
@@ -231,7 +238,7 @@ pub fn optimize_observed(
         }
     };
     let boundary_is_fixed = domain.boundary().vertex_mask().iter().zip(&fixed).all(|(&on, &fixed)| fixed || !on);
-    let mut map = improved(domain, &start, &fixed, settings, observe)?;
+    let mut map = improved(domain, [unit, of_image], &start, &fixed, settings, observe)?;
     if boundary_is_fixed {
         map.bound(None, None);
     }
@@ -243,8 +250,8 @@ pub fn optimize_observed(
 /// # Errors
 /// [`ArrayError`]. An image of flipped tets, or with coordinates that are not finite, is none: their K is infinite.
 pub fn measure(points: &[[f64; 3]], tets: &[[u32; 4]], image: &[[f64; 3]]) -> Result<MeasuredTets, ArrayError> {
-    let domain = Domain::any_topology(mesh(points, tets)?)?;
-    let measured = measure_domain(&domain, &positions("image", image, points.len())?);
+    let domain = Domain::any_topology(mesh(points, tets)?.0)?;
+    let measured = measure_domain(&domain, &positions("image", image, points.len())?.0);
     Ok(MeasuredTets {
         k: measured.dilatations.iter().map(|d| d.k()).collect(),
         k_inner: measured.dilatations.iter().map(|d| d.inner).collect(),
@@ -265,18 +272,21 @@ pub fn bounds(
     image: &[[f64; 3]],
     certify: Option<Duration>,
 ) -> Result<Vec<LowerBound>, ArrayError> {
-    let domain = Domain::any_topology(mesh(points, tets)?)?;
-    let image = positions("image", image, points.len())?;
+    let (mesh, unit) = mesh(points, tets)?;
+    let domain = Domain::any_topology(mesh)?;
+    let (image, _) = positions("image", image, points.len())?;
     let on_boundary = domain.boundary().vertex_mask();
     if let Some(row) = (0..image.len()).find(|&v| on_boundary[v] && !image[v].iter().all(|x| x.is_finite())) {
         return Err(ArrayError::NotFinite { array: "image", row });
     }
-    Ok(bounds_of(&domain, &image, None, certify).0)
+    Ok(given_back(bounds_of(&domain, &image, None, certify).0, unit))
 }
 
 /// A map on the way out.
 struct Improved {
     domain: Domain,
+    /// The units in which lengths of the domain and of the image are counted here.
+    units: [Unit; 2],
     image: Vec<Vec3>,
     stop: StopReason,
     trace: Vec<TraceRow>,
@@ -286,6 +296,7 @@ struct Improved {
 
 fn improved(
     domain: Domain,
+    units: [Unit; 2],
     start: &[Vec3],
     fixed: &[bool],
     settings: &OptimizeSettings,
@@ -293,7 +304,7 @@ fn improved(
 ) -> Result<Improved, ArrayError> {
     let (_, outcome) = untangle_and_optimize(&domain, start, fixed, settings, observe)?;
     let (image, stop, trace) = (outcome.positions, outcome.stop, outcome.trace);
-    Ok(Improved { domain, image, stop, trace, bounds: Vec::new(), certificate: None })
+    Ok(Improved { domain, units, image, stop, trace, bounds: Vec::new(), certificate: None })
 }
 
 fn bounds_of(
@@ -318,15 +329,15 @@ impl Improved {
         let measured = measure_domain(&self.domain, &self.image);
         let rows = |points: &[Vec3]| points.iter().map(|&p| p.into()).collect();
         MappedMesh {
-            points: rows(self.domain.mesh().points()),
+            points: rows(&self.units[0].give_back_points(self.domain.mesh().points())),
             tets: self.domain.mesh().tets().iter().map(|tet| tet.map(|v| v.0)).collect(),
-            image: rows(&self.image),
+            image: rows(&self.units[1].give_back_points(&self.image)),
             k: measured.dilatations.iter().map(|d| d.k()).collect(),
             k_inner: measured.dilatations.iter().map(|d| d.inner).collect(),
             k_outer: measured.dilatations.iter().map(|d| d.outer).collect(),
             summary: measured.summary,
             bijective: bijectivity(&self.domain, &self.image).bijective,
-            bounds: self.bounds,
+            bounds: given_back(self.bounds, self.units[0]),
             certificate: self.certificate,
             stop: self.stop,
             trace: self.trace,
@@ -334,19 +345,31 @@ impl Improved {
     }
 }
 
-fn mesh(points: &[[f64; 3]], tets: &[[u32; 4]]) -> Result<TetMesh, MeshError> {
-    let points = points.iter().map(|&p| p.into()).collect();
+/// Bounds whose places were counted in a unit.
+fn given_back(mut bounds: Vec<LowerBound>, unit: Unit) -> Vec<LowerBound> {
+    bounds.iter_mut().for_each(|bound| bound.place = bound.place.take().map(|place| unit.give_back_place(place)));
+    bounds
+}
+
+/// The mesh, and the unit in which its lengths are counted.
+fn mesh(points: &[[f64; 3]], tets: &[[u32; 4]]) -> Result<(TetMesh, Unit), MeshError> {
+    let points: Vec<Vec3> = points.iter().map(|&p| p.into()).collect();
+    let unit = Unit::of(&points);
     let tets = tets.iter().map(|tet| tet.map(VertexId)).collect();
-    TetMesh::from_either_orientation(points, tets).map(|(mesh, _exchanged)| mesh)
+    let (mesh, _exchanged) = TetMesh::from_either_orientation(unit.take_points(&points), tets)?;
+    Ok((mesh, unit))
 }
 
 fn check_length(array: &'static str, found: usize, wanted: usize) -> Result<(), ArrayError> {
     if found == wanted { Ok(()) } else { Err(ArrayError::Length { array, found, wanted }) }
 }
 
-fn positions(array: &'static str, rows: &[[f64; 3]], vertices: usize) -> Result<Vec<Vec3>, ArrayError> {
+/// Positions, and the unit in which they are counted.
+fn positions(array: &'static str, rows: &[[f64; 3]], vertices: usize) -> Result<(Vec<Vec3>, Unit), ArrayError> {
     check_length(array, rows.len(), vertices)?;
-    Ok(rows.iter().map(|&p| p.into()).collect())
+    let points: Vec<Vec3> = rows.iter().map(|&p| p.into()).collect();
+    let unit = Unit::of(&points);
+    Ok((unit.take_points(&points), unit))
 }
 
 #[cfg(test)]
@@ -405,6 +428,24 @@ mod tests {
         let measured = measure(&points, &tets, &pushed).unwrap();
         assert_eq!(measured.flipped.len(), 2);
         assert!(measured.flipped.iter().all(|&tet| measured.k[tet as usize] == f64::INFINITY));
+    }
+
+    #[test]
+    fn results_do_not_depend_on_the_units_of_the_arrays() {
+        let (points, tets) = cube_fan();
+        let scaled = |rows: &[[f64; 3]], scale: f64| -> Vec<[f64; 3]> {
+            rows.iter().map(|row| row.map(|x| x * scale)).collect()
+        };
+        let settings = BallMapSettings { certify: None, ..Default::default() };
+        let one = ball_map(&points, &tets, &settings).unwrap();
+        for scale in [2f64.powi(900), 2f64.powi(-900)] {
+            let other = ball_map(&scaled(&points, scale), &tets, &settings).unwrap();
+            assert_eq!((&other.k, &other.image, other.stop), (&one.k, &one.image, one.stop));
+            assert_eq!(other.points, scaled(&one.points, scale));
+            let optimized = optimize(&points, &tets, &scaled(&one.image, scale), None, &settings.optimize).unwrap();
+            let beside = optimize(&points, &tets, &one.image, None, &settings.optimize).unwrap();
+            assert_eq!((optimized.k, optimized.image), (beside.k, scaled(&beside.image, scale)));
+        }
     }
 
     #[test]
