@@ -24,6 +24,9 @@ const SAME: f64 = 1e-11;
 const SAME_START: f64 = 1e-9;
 /// The same for bounds, of which the apex bound is searched to this accuracy.
 const SAME_BOUND: f64 = 2e-7;
+/// The same for a row of the trace: the optimizer decomposes in its own way, and the positions that a lexicographic polish ends
+/// with are a row's but for the last digits of the mean.
+const SAME_ROW: f64 = 1e-7;
 /// The keys of figures that are, or follow from, bounds.
 const OF_BOUNDS: [&str; 5] = ["bounds", "best_bound", "gap", "ball_bound", "ball_gap"];
 /// Relative distance below the largest K within which a tet counts as active.
@@ -194,7 +197,8 @@ fn trace(files: &Files, before: &Measured, findings: &mut Findings) {
         let same = close(row.max_k, first.max_k, SAME_START) && close(row.mean_k, first.mean_k, SAME_START);
         findings.expect(row.phase == "start" && same, || "row 0 of trace.csv is not the start".into());
     }
-    let passed = rows.iter().any(|row| close(row.max_k, last.max_k, SAME) && close(row.mean_k, last.mean_k, SAME));
+    let passed =
+        rows.iter().any(|row| close(row.max_k, last.max_k, SAME_ROW) && close(row.mean_k, last.mean_k, SAME_ROW));
     findings.expect(rows.is_empty() || passed, || "no row of trace.csv has final.max_k and final.mean_k".into());
     // The polish may give back 2e-4 of what was gained.
     findings.expect(last.max_k <= first.max_k * (1.0 + 3e-4), || {

@@ -238,6 +238,23 @@ fn a_fresh_run_is_verified() {
     assert!(upper >= reported && upper < reported * (1.0 + 1e-10), "{upper} {reported}");
 }
 
+#[test]
+fn honest_runs_of_every_kind_are_verified() {
+    for overrides in [
+        &["optimize.polish=lexicographic", "optimize.levels=2"][..],
+        &["domain.solid=star-polyhedron", "domain.amplitude=0.5", "optimize.polish=lexicographic", "optimize.levels=2"],
+        &["optimize.objective=soft-max", "optimize.exponent=8"],
+        &["optimize.max_iterations=0"],
+        &["optimize.time_limit=1e-9"],
+        &["map.exponent=optimize", "mesh.grading=2"],
+        &["mesh.kind=flag", "domain.centre=centroid"],
+        &["domain.solid=ellipsoid", "domain.radii=[10, 1, 0.5]", "domain.resolution=2"],
+    ] {
+        let (code, text) = qcball(&["verify"], results(overrides).path());
+        assert!(code == Some(0), "{overrides:?}: {text}");
+    }
+}
+
 /// What the helpers of these tests write is what was there, but for what they change.
 #[test]
 fn nothing_is_found_where_nothing_was_changed() {
