@@ -81,6 +81,9 @@
 //! - **active tets**: those that attain the largest K. **bottleneck**: the vertex, edge or face of the domain they sit on.
 //! - **bound**: a lower bound for the largest dilatation, with its **scope**, the maps it speaks of.
 //! - **gap**: achieved K / best bound, taken only where the map is in the bound's scope.
+//! - **K onto the ball**: the largest K of the map followed by the radial map of its image, a polyhedron inscribed in the ball, onto
+//!   the ball. Plain K is that of the map onto the polyhedron.
+//! - **bracket**: the least K of all quasi-conformal maps of the solid onto the ball, between a bound and a K onto the ball.
 //! - **sweep**: runs of one config with some keys varied. **case**: one of them, with its **settings** of those keys.
 //!
 //! # The pipeline
@@ -206,6 +209,29 @@
 //! # }
 //! ```
 //!
+//! K speaks of the map onto the image, a polyhedron whose corners lie on the sphere. A cube mapped onto an inscribed cube has K = 1
+//! and is no ball: [`measure::measure_onto_ball`] measures the map onto the ball that the image's radial map makes of it, and bounds
+//! it from above for certain ([`measure::BallDilatation`]).
+//!
+//! ```
+//! use qcball::{CentreChoice, Domain, RadialCoordinates, ShellSettings, Solid, caraman, shell_mesh, star_centre};
+//! use qcball::measure::{ball_fraction, measure_onto_ball};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let surface = Solid::Cube.surface()?;
+//! let centre = star_centre(&surface, &CentreChoice::Kernel)?.position;
+//! let settings = ShellSettings { subdivisions: 2, refinement: None, layers: 2, grading: 1.0 };
+//! let shell = shell_mesh(&surface, centre, &settings)?;
+//! let image = caraman(&RadialCoordinates::of_shell(&shell), 1.0);
+//! let domain = Domain::new(shell.mesh)?;
+//! let summary = measure_onto_ball(&domain, &image).summary;
+//! let onto_ball = summary.ball_k.expect("the image is inscribed in the ball");
+//! assert!(summary.max_k < onto_ball.sampled && onto_ball.sampled <= onto_ball.certified);
+//! assert!(0.9 < ball_fraction(&domain, &image)? && ball_fraction(&domain, &image)? < 1.0);
+//! # Ok(())
+//! # }
+//! ```
+//!
 //! # Bounds
 //!
 //! [`bound`] holds one theorem a file. Each [`LowerBound`] says which dilatation it bounds, for which maps (its
@@ -266,7 +292,7 @@
 //! | [`solid`] | built-in solids, closed surfaces and their invariants, star kernel and centre, the shell and flag meshers, voxels |
 //! | [`domain`] | a mesh that is a ball, with reference gradients and volumes |
 //! | [`map`] | the radial map; whether a map is bijective; a map and its inverse at any points; `analytic`: maps in closed form |
-//! | [`mod@measure`] | dilatations of all tets, their quantiles, the active tets, the bottleneck |
+//! | [`mod@measure`] | dilatations of all tets, their quantiles, the active tets, the bottleneck; K onto the ball |
 //! | [`estimate`] | the paper's estimates of K at vertices and cells, of tets and hexahedra |
 //! | [`objective`] | energies of one tet and their sum with gradient and Hessian |
 //! | [`mod@optimize`] | continuation, Newton, L-BFGS, minimax, untangling |

@@ -1,7 +1,9 @@
 //! Exact per-tet dilatations of a piecewise-linear map, and what is said of the map from them.
 
+mod ball;
 mod bottleneck;
 
+pub use ball::{BallDilatation, NotOntoBall, ball_dilatation, ball_fraction, measure_onto_ball};
 pub use bottleneck::{Bottleneck, bottleneck};
 
 use rayon::prelude::*;
@@ -68,6 +70,9 @@ pub struct Summary {
     /// Mean of K over the tets that are not flipped.
     #[serde(deserialize_with = "null_is_infinite")]
     pub mean_k_unflipped: f64,
+    /// K onto the ball, by [`measure_onto_ball`] alone; `None` where the image is not inscribed in a sphere about 0 and
+    /// star-shaped about 0.
+    pub ball_k: Option<BallDilatation>,
 }
 
 /// Measures the map that takes the domain's vertices to `image` (one position a vertex, same order).
@@ -119,6 +124,7 @@ pub(crate) fn summarize(volumes: &[f64], dilatations: &[Dilatation], positive: &
         max_k_inner_unflipped: of_unflipped(unflipped.iter().map(|d| d.inner).fold(1.0, f64::max)),
         max_k_outer_unflipped: of_unflipped(unflipped.iter().map(|d| d.outer).fold(1.0, f64::max)),
         mean_k_unflipped: of_unflipped(mean(&unflipped)),
+        ball_k: None,
     }
 }
 

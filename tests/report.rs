@@ -34,7 +34,7 @@ fn run(folder: &Path, subdivisions: u32, layers: u32, iterations: u32) -> PathBu
 /// A sweep of six cases in a folder of its own.
 fn sweep(folder: &Path) -> PathBuf {
     let (config, out) = (folder.join("a.toml"), folder.join("sweep"));
-    let text = "[domain]\nsolid = \"cube\"\n[mesh]\nlayers = 3\n[optimize]\nobjective = \"soft-max\"\nexponent = 4\n\
+    let text = "[domain]\nsolid = \"cube\"\n[mesh]\nsubdivisions = 1\nlayers = 3\n[optimize]\nobjective = \"soft-max\"\nexponent = 4\n\
                 [sweep.grid]\n\"domain.solid\" = [\"cube\", \"octahedron\", \"icosahedron\"]\n\"map.exponent\" = [1, 2]\n";
     fs::write(&config, text).unwrap();
     let arguments = ["sweep", config.to_str().unwrap(), "--quiet", "--out", out.to_str().unwrap()];

@@ -9,7 +9,7 @@ use std::time::Duration;
 use assert_cmd::cargo::cargo_bin;
 
 /// Twelve cases of some ten milliseconds each.
-const TWELVE: &str = "[domain]\nsolid = \"cube\"\n[mesh]\nlayers = 3\n[optimize]\nobjective = \"soft-max\"\nexponent = 16\n\
+const TWELVE: &str = "[domain]\nsolid = \"cube\"\n[mesh]\nsubdivisions = 1\nlayers = 3\n[optimize]\nobjective = \"soft-max\"\nexponent = 16\n\
                       [sweep.grid]\n\"domain.solid\" = [\"cube\", \"octahedron\", \"icosahedron\"]\n\
                       \"map.exponent\" = { from = 0.5, to = 2, step = 0.5 }\n";
 
@@ -148,7 +148,7 @@ fn shards_and_an_index_over_them_give_the_same() {
 fn a_case_that_fails_is_recorded_and_the_exit_code_says_so() {
     // A torus is not star-shaped.
     let place = Place::with(
-        "[domain]\nsolid = \"cube\"\n[mesh]\nlayers = 2\n[sweep]\ngrid.domain.solid = [\"torus\", \"cube\"]\n",
+        "[domain]\nsolid = \"cube\"\n[mesh]\nsubdivisions = 1\nlayers = 2\n[sweep]\ngrid.domain.solid = [\"torus\", \"cube\"]\n",
     );
     for arguments in ["sweep a.toml", "sweep a.toml --index-only"] {
         let (code, text) = place.call(arguments);

@@ -15,8 +15,8 @@ use crate::bound::{self, LowerBound};
 use crate::dilatation::number;
 use crate::estimate::{self, Estimate, EstimateSummary, Estimator, Weights};
 use crate::experiment::GivenMap;
-use crate::measure::{Summary, measure};
-use crate::report::{BestBound, Limit, bounds_table, dilatations, to_json, write_certificate};
+use crate::measure::{BallDilatation, Summary, measure_onto_ball};
+use crate::report::{BallFigures, BestBound, Limit, ball_lines, bounds_table, dilatations, to_json, write_certificate};
 
 /// The map, and whether to estimate as well.
 #[derive(Debug, Args)]
@@ -65,8 +65,11 @@ struct BoundFigures {
     bounds: Vec<LowerBound>,
     #[serde(flatten)]
     best: BestBound,
+    #[serde(flatten)]
+    ball: BallFigures,
     limit: Limit,
     max_k: f64,
+    ball_k: Option<BallDilatation>,
 }
 
 /// What `measure --json` prints: the figures of the map, then the size of the mesh.
@@ -77,6 +80,8 @@ struct Figures<'a> {
     tets: usize,
     vertices: usize,
     locked: usize,
+    ball_fraction: Option<f64>,
+    ball_reason: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     estimated: Option<Estimated>,
 }
@@ -116,12 +121,21 @@ pub(super) fn measure_map(arguments: &MeasureArguments) -> Result<Ending, Failur
     let map = read_map(&arguments.map.rest, &arguments.map.image)?;
     let estimated = arguments.estimator.map(|estimator| Estimated::of(&map, estimator, arguments.weights));
     let GivenMap { domain, image, .. } = map;
-    let measured = measure(&domain, &image);
+    let measured = measure_onto_ball(&domain, &image);
+    let ball = BallFigures::of(&domain, &image, &[], &measured.summary);
     let summary = &measured.summary;
     let (tets, vertices) = (domain.mesh().tets().len(), domain.mesh().points().len());
     let locked = domain.locked_tets().count();
     if arguments.map.json {
-        return print(&to_json(&Figures { summary, tets, vertices, locked, estimated }));
+        return print(&to_json(&Figures {
+            summary,
+            tets,
+            vertices,
+            locked,
+            ball_fraction: ball.ball_fraction,
+            ball_reason: ball.ball_reason,
+            estimated,
+        }));
     }
     let mirrored = if summary.flipped == tets {
         "Every tet is flipped: the image is a mirror image. Negate one coordinate of it and measure again.\n"
@@ -129,8 +143,9 @@ pub(super) fn measure_map(arguments: &MeasureArguments) -> Result<Ending, Failur
         ""
     };
     print(&format!(
-        "{tets} tets ({locked} locked), {vertices} vertices\n{}{mirrored}{}",
+        "{tets} tets ({locked} locked), {vertices} vertices\n{}{mirrored}{}{}",
         dilatations(&[("map", summary)]),
+        ball_lines(&ball, None, summary),
         estimated.map_or_else(String::new, |estimated| estimated.lines())
     ))
 }
@@ -145,7 +160,8 @@ pub(super) fn bound_map(arguments: &BoundArguments) -> Result<Ending, Failure> {
     }
     let GivenMap { domain, image, units: [unit, _], .. } = read_map(rest, image)?;
     let cancel = cancel_on_signal();
-    let max_k = measure(&domain, &image).summary.max_k;
+    let summary = measure_onto_ball(&domain, &image).summary;
+    let max_k = summary.max_k;
     let mut bounds = bound::all_until(&domain, &image, None, false, &cancel);
     let mut found = true;
     if arguments.certify {
@@ -165,10 +181,11 @@ pub(super) fn bound_map(arguments: &BoundArguments) -> Result<Ending, Failure> {
     bounds.iter_mut().for_each(|bound| bound.place = bound.place.take().map(|place| unit.give_back_place(place)));
     let best = BestBound::of(&bounds, max_k);
     let limit = Limit::of(max_k, &bounds, None);
+    let ball = BallFigures::of(&domain, &image, &bounds, &summary);
     if *json {
-        print(&to_json(&BoundFigures { bounds, best, limit, max_k }))?;
+        print(&to_json(&BoundFigures { bounds, best, ball, limit, max_k, ball_k: summary.ball_k }))?;
     } else {
-        print(&bounds_table(&bounds, best, &limit))?;
+        print(&(bounds_table(&bounds, best, &limit) + &ball_lines(&ball, None, &summary)))?;
     }
     Ok(match found {
         _ if cancel.is_raised() => Ending::Interrupted,

@@ -30,7 +30,7 @@ fn the_least_config_has_the_documented_defaults() {
     assert_eq!(plan.name, "case");
     assert_eq!((plan.seed, plan.threads), (0, None));
     assert_eq!((plan.domain, plan.centre), (DomainSource::Solid(Solid::Cube), CentreChoice::Kernel));
-    let shell = ShellSettings { subdivisions: 1, refinement: None, layers: 8, grading: 1.0 };
+    let shell = ShellSettings { subdivisions: 1, refinement: Some(Refinement::Ball(1.25)), layers: 8, grading: 1.0 };
     assert_eq!(plan.mesh, MeshPlan::Shell(shell));
     assert_eq!(plan.map, InitialMap::Radial { exponent: Some(1.0) });
     assert_eq!((plan.optimize, plan.certify), (OptimizeSettings::default(), None));

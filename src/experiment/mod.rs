@@ -11,7 +11,7 @@ use crate::bound::certificate::{self, Certificate};
 use crate::cancel::Cancel;
 use crate::config::Plan;
 use crate::domain::Domain;
-use crate::measure::{Measured, measure};
+use crate::measure::{Measured, measure_onto_ball};
 use crate::mesh::{TetId, Unit, Vec3};
 use crate::optimize::{Outcome, StopReason, TraceRow, untangle_and_optimize};
 use crate::report::{MapRecord, Report, Times, UntanglingFigures, trace_hash};
@@ -91,11 +91,11 @@ fn stages(plan: &Plan, observe: &mut dyn FnMut(&TraceRow)) -> Result<Finished, R
         start => start?,
     };
     let domain = &start.domain;
-    let measured_initial = measure(domain, &start.image);
+    let measured_initial = measure_onto_ball(domain, &start.image);
     let fixed = domain.boundary().vertex_mask();
     let (untangled, outcome) = untangle_and_optimize(domain, &start.image, fixed, &plan.optimize, observe)
         .map_err(RunError::at(&start.origin))?;
-    let measured = measure(domain, &outcome.positions);
+    let measured = measure_onto_ball(domain, &outcome.positions);
     let search = |limit| certificate::search(domain, &outcome.positions, &cancel.within(limit));
     let certificate = plan.certify.and_then(search);
     let bounds = bounds(&start, &outcome.positions, certificate.as_ref(), cancel);

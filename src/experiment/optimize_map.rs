@@ -8,11 +8,11 @@ use super::interrupted;
 use super::record::Course;
 use crate::bound;
 use crate::domain::Domain;
-use crate::measure::measure;
+use crate::measure::measure_onto_ball;
 use crate::mesh::io::{ReadError, read_tets};
 use crate::mesh::{TetMesh, TetSoup, Unit, Vec3, full_boundary};
 use crate::optimize::{OptimizeSettings, TraceRow, untangle_and_optimize};
-use crate::report::{MapReport, Splits, Times, UntanglingFigures};
+use crate::report::{BallFigures, MapReport, Splits, Times, UntanglingFigures};
 
 /// A map given by two files: a mesh and the same mesh with moved vertices.
 #[derive(Debug)]
@@ -152,9 +152,9 @@ pub fn optimize_map(
         }
     }
     let fixed = fixed.unwrap_or_else(|| domain.boundary().vertex_mask().to_vec());
-    let before = measure(&domain, &image);
+    let before = measure_onto_ball(&domain, &image);
     let (untangled, outcome) = untangle_and_optimize(&domain, &image, &fixed, settings, observe)?;
-    let after = measure(&domain, &outcome.positions);
+    let after = measure_onto_ball(&domain, &outcome.positions);
     let boundary_is_fixed = domain.boundary().vertex_mask().iter().zip(&fixed).all(|(&on, &fixed)| fixed || !on);
     let mut bounds = if boundary_is_fixed {
         bound::all_until(&domain, &outcome.positions, None, false, &settings.cancel)
@@ -169,12 +169,13 @@ pub fn optimize_map(
         iterations: outcome.trace.len().saturating_sub(1),
         times: Times::since(clock, untangled.seconds),
     };
+    let ball = BallFigures::of(&domain, &outcome.positions, &bounds, &after.summary);
     let report = MapReport {
         vertices: domain.mesh().points().len(),
         tets: domain.mesh().tets().len(),
         locked: domain.mesh().tets().iter().filter(|tet| tet.iter().all(|v| fixed[v.index()])).count(),
         fixed: fixed.iter().filter(|&&fixed| fixed).count(),
-        achieved: course.achieved(splits, (&before, &after), bounds),
+        achieved: course.achieved(splits, (&before, &after), bounds, ball),
     };
     let positions = of_image.give_back_points(&outcome.positions);
     Ok(OptimizedMap { report, domain, unit, positions, trace: outcome.trace })

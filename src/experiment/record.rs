@@ -12,7 +12,7 @@ use crate::map::bijectivity;
 use crate::measure::{Bottleneck, Measured, bottleneck};
 use crate::mesh::{Place, Vec3};
 use crate::optimize::{KktResidual, StopReason};
-use crate::report::{Achieved, BestBound, DomainFigures, Limit, Report, Splits, Times, UntanglingFigures};
+use crate::report::{Achieved, BallFigures, BestBound, DomainFigures, Limit, Report, Splits, Times, UntanglingFigures};
 
 /// Under which name and from what a run was made.
 pub(crate) struct Heading<'a> {
@@ -37,6 +37,7 @@ impl Course {
         splits: Option<Splits>,
         (before, after): (&Measured, &Measured),
         bounds: Vec<LowerBound>,
+        ball: BallFigures,
     ) -> Achieved {
         Achieved {
             splits,
@@ -46,6 +47,7 @@ impl Course {
             active: after.active(ACTIVE).len(),
             best: BestBound::of(&bounds, after.summary.max_k),
             limit: Limit::of(after.summary.max_k, &bounds, Some((self.stop, self.kkt))),
+            ball,
             bounds,
             stop: self.stop,
             kkt: self.kkt,
@@ -83,6 +85,7 @@ pub(crate) fn record(
     bounds.iter_mut().for_each(|bound| bound.place = bound.place.take().map(given_back));
     let bottleneck = bottleneck(domain, after).map(|found| Bottleneck { place: given_back(found.place), ..found });
     let bijectivity = bijectivity(domain, image);
+    let ball = BallFigures::of(domain, image, &bounds, &after.summary);
     let warnings = start.warnings.iter().cloned().chain(locked_warning(domain, &bounds)).collect();
     Report {
         name: heading.name.into(),
@@ -94,6 +97,7 @@ pub(crate) fn record(
         seed: heading.seed,
         input_hash: start.input_hash.clone(),
         domain: DomainFigures::of(domain, start.origin.clone(), start.centre.as_ref()).given_back(unit),
+        refinement: start.refinement,
         map: start.map.clone(),
         bijective: bijectivity.bijective,
         bijective_reason: bijectivity.reason,
@@ -101,7 +105,7 @@ pub(crate) fn record(
         trace_hash,
         warnings,
         config_text: heading.source.text().to_string(),
-        achieved: course.achieved(start.splits, (before, after), bounds),
+        achieved: course.achieved(start.splits, (before, after), bounds, ball),
     }
 }
 

@@ -8,10 +8,10 @@ use crate::domain::Domain;
 use crate::map::{AnalyticMap, RadialCoordinates, RayEnd, caraman};
 use crate::mesh::io::{ReadError, read_surface, read_tets};
 use crate::mesh::{Orientation, TetMesh, TetSoup, Unit, Vec3, full_boundary, orientation};
-use crate::report::{MapFigures, Splits};
+use crate::report::{MapFigures, RefinementFigures, Splits};
 use crate::solid::{
-    ExternalSettings, StarCentre, Surface, best_radial_exponent, check_filled, external_mesh, flag_mesh,
-    radial_max_dilatation, shell_mesh, star_centre,
+    ExternalSettings, Refinement, StarCentre, Surface, best_radial_exponent, check_filled, external_mesh, flag_mesh,
+    inscribed_stretch, radial_max_dilatation, shell_mesh, star_centre,
 };
 
 /// A domain and a map of it.
@@ -29,6 +29,8 @@ pub(crate) struct Start {
     /// Image positions.
     pub image: Vec<Vec3>,
     pub map: MapFigures,
+    /// How the surface was refined, if that was left to the program.
+    pub refinement: Option<RefinementFigures>,
     /// The splits that freed locked tets, if the mesh was not made in shells and needed any.
     pub splits: Option<Splits>,
     pub warnings: Vec<String>,
@@ -110,11 +112,16 @@ impl Start {
                 let centre = star_centre(surface, &plan.centre)?;
                 let shell = shell_mesh(surface, centre.position, settings)?;
                 let coordinates = RadialCoordinates::of_shell(&shell);
+                let refinement = matches!(settings.refinement, Some(Refinement::Ball(_))).then(|| RefinementFigures {
+                    triangles_before: surface.triangles().len(),
+                    largest_stretch: inscribed_stretch(&shell.surface, &centre.position),
+                });
                 let domain = Domain::new(shell.mesh)?;
-                match &plan.map {
+                let start = match &plan.map {
                     InitialMap::Formula(map) => Self::of_formula(domain, map, unit)?,
                     _ => Self::of_rays(domain, surface, Some(centre), &coordinates, plan),
-                }
+                };
+                Self { refinement, ..start }
             }
             MeshPlan::Flag(settings) => {
                 let centre = star_centre(surface, &plan.centre)?;
@@ -201,6 +208,7 @@ impl Start {
             centre,
             image,
             map,
+            refinement: None,
             splits: None,
             warnings: Vec::new(),
         }
@@ -233,8 +241,9 @@ impl Start {
         let unit =
             Unit::of_extreme(image.iter().zip(domain.boundary().vertex_mask()).filter(|(_, on)| **on).map(|(p, _)| p));
         let (image, units) = (unit.take_points(&image), [Unit::default(), unit]);
-        let (origin, input_hash, centre, splits, warnings) = (String::new(), None, None, None, Vec::new());
-        Ok(Self { origin, input_hash, domain, units, centre, image, map, splits, warnings })
+        let (origin, input_hash, centre, refinement) = (String::new(), None, None, None);
+        let (splits, warnings) = (None, Vec::new());
+        Ok(Self { origin, input_hash, domain, units, centre, image, map, refinement, splits, warnings })
     }
 }
 

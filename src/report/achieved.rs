@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{BestBound, Limit, Splits, Times, UntanglingFigures};
+use super::{BallFigures, BestBound, Limit, Splits, Times, UntanglingFigures};
 use crate::bound::LowerBound;
 use crate::measure::Summary;
 use crate::optimize::{KktResidual, StopReason};
@@ -26,6 +26,9 @@ pub struct Achieved {
     /// The largest bound that applies to the final map, and the gap to it.
     #[serde(flatten)]
     pub best: BestBound,
+    /// What the map arrived at says of the maps of the solid onto the ball.
+    #[serde(flatten)]
+    pub ball: BallFigures,
     /// What limits K, as far as bounds and optimizer tell.
     pub limit: Limit,
     /// Why the optimization ended.

@@ -2,10 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::bound::{LowerBound, best_applicable};
+use crate::bound::{LowerBound, Scope, best_applicable};
 use crate::dilatation::null_is_infinite;
 use crate::domain::Domain;
-use crate::mesh::{TetId, Unit, VertexId, smallest_dihedral_angle};
+use crate::measure::{Summary, ball_fraction};
+use crate::mesh::{TetId, Unit, Vec3, VertexId, smallest_dihedral_angle};
 use crate::optimize::Untangled;
 use crate::solid::StarCentre;
 
@@ -85,6 +86,15 @@ pub struct MapFigures {
     pub closed_form_k: Option<f64>,
 }
 
+/// How the surface of a solid was refined for a shell mesh whose config left that to the program.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RefinementFigures {
+    /// Triangles of the surface before; after, they are the domain's boundary triangles.
+    pub triangles_before: usize,
+    /// The largest K of the radial map of the image polyhedron onto the ball, after.
+    pub largest_stretch: f64,
+}
+
 /// The splits that made a given mesh's boundary a full subcomplex, so that no tet is locked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Splits {
@@ -146,6 +156,36 @@ impl BestBound {
     pub fn of(bounds: &[LowerBound], max_k: f64) -> Self {
         let best_bound = best_applicable(bounds).map(|bound| bound.value);
         Self { best_bound, gap: best_bound.map(|bound| max_k / bound).filter(|gap| gap.is_finite()) }
+    }
+}
+
+/// What a map says of the maps of its solid onto the ball, by way of `final.ball_k`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct BallFigures {
+    /// The share of the ball's volume that the image fills; `null` where there is no K onto the ball.
+    pub ball_fraction: Option<f64>,
+    /// The largest proved bound for every quasi-conformal map of the solid onto the ball, if there is one.
+    pub ball_bound: Option<f64>,
+    /// K onto the ball, certified, over that bound: the least K of all such maps lies between the two. None where one of them
+    /// is not known or not finite.
+    pub ball_gap: Option<f64>,
+    /// Why there is no K onto the ball; `null` if there is one.
+    pub ball_reason: Option<String>,
+}
+
+impl BallFigures {
+    /// The figures of a map with these bounds, measured by [`crate::measure::measure_onto_ball`].
+    pub fn of(domain: &Domain, image: &[Vec3], bounds: &[LowerBound], measured: &Summary) -> Self {
+        let fraction = ball_fraction(domain, image);
+        let of_solid = bounds.iter().filter(|bound| bound.certified && bound.scope == Scope::Shape);
+        let ball_bound = of_solid.map(|bound| bound.value).reduce(f64::max);
+        let gap = measured.ball_k.zip(ball_bound).map(|(k, bound)| k.certified / bound);
+        Self {
+            ball_fraction: fraction.ok(),
+            ball_bound,
+            ball_gap: gap.filter(|gap| gap.is_finite()),
+            ball_reason: fraction.err().map(|reason| reason.to_string()),
+        }
     }
 }
 

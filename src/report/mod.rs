@@ -9,12 +9,12 @@ mod results;
 mod summary;
 
 pub use achieved::{Achieved, MapReport};
-pub use figures::{BestBound, DomainFigures, MapFigures, Splits, UntanglingFigures};
+pub use figures::{BallFigures, BestBound, DomainFigures, MapFigures, RefinementFigures, Splits, UntanglingFigures};
 pub use html::{PageError, write_pages, write_pages_of};
 pub use limit::{Limit, LimitedBy};
 pub(crate) use results::{CellRow, FILES, START, trace_hash};
 pub use results::{MapRecord, write_certificate, write_results, write_trace};
-pub(crate) use summary::{bounds_table, dilatations};
+pub(crate) use summary::{ball_lines, bounds_table, dilatations};
 pub use summary::{map_summary, summary, time_line};
 
 use std::time::Instant;
@@ -47,6 +47,8 @@ pub struct Report {
     pub input_hash: Option<String>,
     /// The domain.
     pub domain: DomainFigures,
+    /// How the surface was refined, if the config left that to the program; else `null`.
+    pub refinement: Option<RefinementFigures>,
     /// The map started from, before it was measured.
     #[serde(flatten)]
     pub map: MapFigures,

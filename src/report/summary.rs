@@ -1,6 +1,9 @@
 //! What a person reads of a run in a terminal.
 
-use super::{BestBound, Limit, MapFigures, MapReport, Report, Splits, Times, UntanglingFigures};
+use super::{
+    BallFigures, BestBound, DomainFigures, Limit, MapFigures, MapReport, RefinementFigures, Report, Splits, Times,
+    UntanglingFigures,
+};
 use crate::bound::{Kind, LowerBound, Scope};
 use crate::dilatation::{lower_bound, number, upper_bound};
 use crate::measure::{Bottleneck, Summary};
@@ -9,6 +12,8 @@ use crate::optimize::StopReason;
 
 /// The width that a text is wrapped to.
 const COLUMNS: usize = 80;
+/// The share of the ball from which on an image passes for one.
+const FULL: f64 = 0.9;
 /// What may help tets that resist untangling.
 const REFINE: &str = "refine the mesh there";
 
@@ -31,9 +36,11 @@ pub fn summary(report: &Report) -> String {
     let remedy = if domain.centre.is_some() { "refine the mesh there, or move the star centre" } else { REFINE };
     let blocks = [
         labelled("run", &format!("{} ({})", report.name, command_in_words(report))),
+        coarse_warning(&report.achieved.ball, &report.achieved.last),
         labelled("solid", &domain.solid),
         centre.map(|centre| labelled("centre", &centre)).unwrap_or_default(),
         labelled("mesh", &mesh),
+        report.refinement.map(|refinement| refinement_in_words(refinement, domain)).unwrap_or_default(),
         report.achieved.splits.map(splits_in_words).unwrap_or_default(),
         map_in_words(&report.map).map(|map| labelled("map", &map)).unwrap_or_default(),
         format!("\n{}\n", dilatations(&[("start", &report.achieved.initial), ("final", &report.achieved.last)])),
@@ -51,6 +58,7 @@ pub fn summary(report: &Report) -> String {
         labelled("bijective", &bijective),
         labelled("stopped", &stop_in_words(report.achieved.stop, report.achieved.iterations)),
         format!("\n{}", bounds_table(&report.achieved.bounds, report.achieved.best, &report.achieved.limit)),
+        ball_lines(&report.achieved.ball, Some(&report.achieved.initial), &report.achieved.last),
         report.warnings.iter().map(|warning| labelled("warning", warning)).collect(),
     ];
     blocks.concat()
@@ -66,6 +74,18 @@ fn map_in_words(map: &MapFigures) -> Option<String> {
         .map(|k| format!("; its own K, before any mesh, is at most {}", upper_bound(k)))
         .unwrap_or_default();
     Some(format!("{}{most}", map.map))
+}
+
+fn refinement_in_words(refinement: RefinementFigures, domain: &DomainFigures) -> String {
+    let text = format!(
+        "the surface's {} triangles were halved until there were {} and the radial map of the image onto the ball had K <= {}, \
+         which took {} tets; mesh.subdivisions, cells or edge_length ask for another surface",
+        refinement.triangles_before,
+        domain.boundary_triangles,
+        upper_bound(refinement.largest_stretch),
+        domain.tets
+    );
+    labelled("", &text)
 }
 
 fn splits_in_words(splits: Splits) -> String {
@@ -121,6 +141,7 @@ pub fn map_summary(report: &MapReport) -> String {
         bounds_table(&report.achieved.bounds, report.achieved.best, &report.achieved.limit)
     };
     let blocks = [
+        coarse_warning(&report.achieved.ball, &report.achieved.last),
         labelled("mesh", &mesh),
         report.achieved.splits.map(splits_in_words).unwrap_or_default(),
         format!("\n{}\n", dilatations(&[("start", &report.achieved.initial), ("final", &report.achieved.last)])),
@@ -137,6 +158,7 @@ pub fn map_summary(report: &MapReport) -> String {
         labelled("stopped", &stop_in_words(report.achieved.stop, report.achieved.iterations)),
         time_line(report.achieved.times),
         format!("\n{bounds}"),
+        ball_lines(&report.achieved.ball, Some(&report.achieved.initial), &report.achieved.last),
     ];
     blocks.concat()
 }
@@ -184,6 +206,50 @@ pub(crate) fn dilatations(maps: &[(&str, &Summary)]) -> String {
         text.push_str(&format!("{name:<8}{numbers}{:>9}\n", map.flipped));
     }
     text
+}
+
+/// What goes before all else where the image is far from a ball.
+fn coarse_warning(ball: &BallFigures, last: &Summary) -> String {
+    let Some((fraction, k)) = ball.ball_fraction.zip(last.ball_k).filter(|(fraction, _)| *fraction < FULL) else {
+        return String::new();
+    };
+    let text = format!(
+        "the image is a polyhedron that fills {} of the ball: K speaks of the map onto this polyhedron, K onto the ball is at \
+         most {}; a finer surface fills more",
+        percent(fraction),
+        upper_bound(k.certified)
+    );
+    labelled("warning", &text)
+}
+
+/// A share, rounded down.
+pub(super) fn percent(share: f64) -> String {
+    format!("{:.2} %", (share * 1e4).floor() / 100.0)
+}
+
+/// K onto the ball, and what is known of the least K of all maps of the solid onto the ball.
+pub(crate) fn ball_lines(ball: &BallFigures, start: Option<&Summary>, last: &Summary) -> String {
+    let Some((fraction, k)) = ball.ball_fraction.zip(last.ball_k) else {
+        let reason = ball.ball_reason.as_deref().unwrap_or("it was not computed");
+        return labelled("onto ball", &format!("no K onto the ball: {reason}"));
+    };
+    let start = start.and_then(|start| start.ball_k);
+    let start = start.map(|k| format!(" (start {})", upper_bound(k.certified))).unwrap_or_default();
+    let text = format!(
+        "K onto the ball <= {}{start}, of the map followed by the radial map of its image, which fills {} of the ball",
+        upper_bound(k.certified),
+        percent(fraction)
+    );
+    let bracket = ball.ball_bound.zip(ball.ball_gap).map(|(bound, gap)| {
+        let text = format!(
+            "{} <= K <= {} for the best quasi-conformal map of the solid onto the ball, a factor of {}",
+            lower_bound(bound),
+            upper_bound(k.certified),
+            upper_bound(gap)
+        );
+        labelled("bracket", &text)
+    });
+    labelled("onto ball", &text) + &bracket.unwrap_or_default()
 }
 
 /// The bounds, those that apply and the largest first, what the best of them says, and what limits K.

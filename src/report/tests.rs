@@ -54,6 +54,7 @@ fn write(flip: bool) -> (tempfile::TempDir, Report) {
         bijective: !flip,
         bijective_reason: "no tet is flipped".into(),
         bottleneck: bottleneck(&domain, &after),
+        refinement: None,
         map: MapFigures {
             map: "radial, exponent 1".into(),
             radial_exponent: Some(1.0),
@@ -71,6 +72,7 @@ fn write(flip: bool) -> (tempfile::TempDir, Report) {
             active: 1,
             best: BestBound::of(&bounds, after.summary.max_k),
             limit: Limit::of(after.summary.max_k, &bounds, None),
+            ball: BallFigures::of(&domain, &image, &bounds, &after.summary),
             bounds,
             stop: StopReason::Converged,
             kkt: None,

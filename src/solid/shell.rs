@@ -4,8 +4,7 @@
 //! So at the radial start no tet is flipped, whatever the refinement, K is constant in each cone, and no tet has all
 //! its vertices on the boundary.
 
-use std::collections::{BinaryHeap, HashMap};
-
+use super::refine::{halve_longest, refine_onto_ball, subdivide};
 use crate::mesh::{MeshError, PolygonSoup, TetMesh, Vec3, VertexId};
 use crate::solid::{Surface, SurfaceError};
 
@@ -16,6 +15,9 @@ pub enum Refinement {
     EdgeLength(f64),
     /// Longest edges are halved until the mesh has at least this many tets.
     Cells(usize),
+    /// Edges are halved, seen from the star centre, until the surface's radial image on the sphere is so fine that the radial
+    /// map of that inscribed polyhedron onto the ball has no K above this, > 1: see [`inscribed_stretch`].
+    Ball(f64),
 }
 
 /// What a shell mesh is made with.
@@ -83,15 +85,17 @@ pub fn shell_mesh(surface: &Surface, centre: Vec3, settings: &ShellSettings) -> 
         return Err(ShellError::TooLarge { tets: wanted });
     }
     let mut soup = subdivide(surface, settings.subdivisions);
-    if let Some(refinement) = settings.refinement {
-        let most = MOST_TETS / per_triangle;
-        bisect(&mut soup, |length, triangles| match refinement {
-            Refinement::EdgeLength(wanted) => length > wanted && triangles <= most,
-            Refinement::Cells(wanted) => triangles * per_triangle < wanted,
-        });
-        if soup.triangles.len() > most {
-            return Err(ShellError::TooLarge { tets: soup.triangles.len() * per_triangle });
+    let most = MOST_TETS / per_triangle;
+    match settings.refinement {
+        Some(Refinement::EdgeLength(wanted)) => {
+            halve_longest(&mut soup, |length, triangles| length > wanted && triangles <= most)
         }
+        Some(Refinement::Cells(wanted)) => halve_longest(&mut soup, |_, triangles| triangles * per_triangle < wanted),
+        Some(Refinement::Ball(wanted)) => refine_onto_ball(&mut soup, &centre, wanted, most),
+        None => {}
+    }
+    if soup.triangles.len() > most {
+        return Err(ShellError::TooLarge { tets: soup.triangles.len() * per_triangle });
     }
     let surface = Surface::from_soup(PolygonSoup {
         points: soup.points,
@@ -115,6 +119,9 @@ fn check(settings: &ShellSettings) -> Result<(), ShellError> {
         Some(Refinement::EdgeLength(length)) if !(length.is_finite() && length > 0.0) => {
             refuse("edge_length must be a positive number")
         }
+        Some(Refinement::Ball(stretch)) if !(stretch.is_finite() && stretch > 1.0) => {
+            refuse("the K of the radial map of the image must be allowed to exceed 1")
+        }
         _ => Ok(()),
     }
 }
@@ -135,117 +142,6 @@ pub(super) fn layer_fractions(layers: u32, grading: f64) -> Vec<f64> {
         *last = 1.0;
     }
     fractions
-}
-
-struct Triangles {
-    points: Vec<Vec3>,
-    triangles: Vec<[u32; 3]>,
-}
-
-/// Splits every triangle into `n^2` similar ones; points on an edge are shared by its two triangles.
-fn subdivide(surface: &Surface, n: u32) -> Triangles {
-    let mut points = surface.points().to_vec();
-    let mut on_edge: HashMap<(u32, u32, u32), u32> = HashMap::new();
-    let mut triangles = Vec::with_capacity(surface.triangles().len() * (n * n) as usize);
-    for triangle in surface.triangles() {
-        let [a, b, c] = triangle.map(|v| v.0);
-        let corners = [a, b, c].map(|v| surface.points()[v as usize]);
-        // Lattice point (i, j): i steps from a towards b, j towards c.
-        let mut lattice = HashMap::new();
-        for i in 0..=n {
-            for j in 0..=n - i {
-                let k = n - i - j;
-                let mut edge_point = |low: u32, high: u32, steps: u32| {
-                    // Counted from the smaller end, so that both triangles name and compute the point alike.
-                    let (low, high, steps) = if low < high { (low, high, steps) } else { (high, low, n - steps) };
-                    *on_edge.entry((low, high, steps)).or_insert_with(|| {
-                        let t = f64::from(steps) / f64::from(n);
-                        let (p, q) = (surface.points()[low as usize], surface.points()[high as usize]);
-                        points.push(p * (1.0 - t) + q * t);
-                        points.len() as u32 - 1
-                    })
-                };
-                let index = match (i, j, k) {
-                    (0, 0, _) => a,
-                    (_, 0, 0) => b,
-                    (0, _, 0) => c,
-                    (i, 0, _) => edge_point(a, b, i),
-                    (0, j, _) => edge_point(a, c, j),
-                    (_, j, 0) => edge_point(b, c, j),
-                    (i, j, k) => {
-                        let sum = corners[0] * f64::from(k) + corners[1] * f64::from(i) + corners[2] * f64::from(j);
-                        points.push(sum / f64::from(n));
-                        points.len() as u32 - 1
-                    }
-                };
-                lattice.insert((i, j), index);
-            }
-        }
-        for i in 0..n {
-            for j in 0..n - i {
-                triangles.push([lattice[&(i, j)], lattice[&(i + 1, j)], lattice[&(i, j + 1)]]);
-                if i + j + 1 < n {
-                    triangles.push([lattice[&(i + 1, j)], lattice[&(i + 1, j + 1)], lattice[&(i, j + 1)]]);
-                }
-            }
-        }
-    }
-    Triangles { points, triangles }
-}
-
-/// An edge in the queue of [`bisect`]: longest first, then by its ends, so that equal lengths split in a fixed order.
-#[derive(PartialEq, Eq, PartialOrd, Ord)]
-struct QueuedEdge {
-    /// Bits of the squared length: ordered like the (non-negative) number.
-    length: u64,
-    ends: std::cmp::Reverse<(u32, u32)>,
-}
-
-/// Halves the longest edge, splitting its two triangles, as long as `more(its length, number of triangles)` says.
-///
-/// Since the longest edge of all is the longest of both its triangles, this is Rivara's longest-edge bisection: angles
-/// stay bounded below by half the smallest angle of the start.
-fn bisect(mesh: &mut Triangles, more: impl Fn(f64, usize) -> bool) {
-    let mut triangle_of: HashMap<(u32, u32), u32> = HashMap::new();
-    let mut queue = BinaryHeap::new();
-    let queued = |points: &[Vec3], a: u32, b: u32| QueuedEdge {
-        length: (points[a as usize] - points[b as usize]).norm_squared().to_bits(),
-        ends: std::cmp::Reverse((a.min(b), a.max(b))),
-    };
-    for (index, triangle) in mesh.triangles.iter().enumerate() {
-        for i in 0..3 {
-            let (a, b) = (triangle[i], triangle[(i + 1) % 3]);
-            triangle_of.insert((a, b), index as u32);
-            if a < b {
-                queue.push(queued(&mesh.points, a, b));
-            }
-        }
-    }
-    while let Some(QueuedEdge { length, ends: std::cmp::Reverse((a, b)) }) = queue.pop() {
-        if !more(f64::from_bits(length).sqrt(), mesh.triangles.len()) {
-            return;
-        }
-        let middle = mesh.points.len() as u32;
-        mesh.points.push((mesh.points[a as usize] + mesh.points[b as usize]) * 0.5);
-        for (from, to) in [(a, b), (b, a)] {
-            let old = triangle_of[&(from, to)];
-            let apex = mesh.triangles[old as usize]
-                .into_iter()
-                .find(|&v| v != from && v != to)
-                .expect("a triangle has a third vertex");
-            let new = mesh.triangles.len() as u32;
-            mesh.triangles[old as usize] = [from, middle, apex];
-            mesh.triangles.push([middle, to, apex]);
-            triangle_of.insert((from, middle), old);
-            triangle_of.insert((middle, apex), old);
-            triangle_of.insert((middle, to), new);
-            triangle_of.insert((to, apex), new);
-            triangle_of.insert((apex, middle), new);
-            queue.push(queued(&mesh.points, middle, apex));
-        }
-        queue.push(queued(&mesh.points, a, middle));
-        queue.push(queued(&mesh.points, middle, b));
-    }
 }
 
 /// Vertex 0 is the centre; vertex `1 + k * n + v` is surface vertex `v` at fraction `fractions[k]`.
@@ -320,26 +216,6 @@ mod tests {
             .sum();
         // 16,896 terms that sum to 8, each rounded at 1e-16 of itself.
         assert!((volume - 8.0).abs() < 1e-12);
-    }
-
-    #[test]
-    fn bisection_reaches_the_length_and_the_count_and_keeps_the_volume() {
-        let surface = Solid::Dodecahedron.surface().unwrap();
-        let refined = |refinement| {
-            shell_mesh(&surface, Vec3::zeros(), &ShellSettings { refinement: Some(refinement), ..settings(1, 3) })
-                .unwrap()
-        };
-        let fine = refined(Refinement::EdgeLength(0.25));
-        for triangle in fine.surface.triangles() {
-            for i in 0..3 {
-                let [p, q] = [triangle[i], triangle[(i + 1) % 3]].map(|v| fine.surface.points()[v.index()]);
-                assert!((p - q).norm() <= 0.25);
-            }
-        }
-        assert!((fine.surface.volume() - surface.volume()).abs() < 1e-12 * surface.volume());
-        let counted = refined(Refinement::Cells(5000));
-        // Each split adds two triangles of seven tets.
-        assert!((5000..5000 + 14).contains(&counted.mesh.tets().len()));
     }
 
     #[test]

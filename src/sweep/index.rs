@@ -16,7 +16,7 @@ use crate::report::Report;
 type Column = (&'static str, fn(&Report) -> Value);
 
 /// The results in the index. None depends on the time or the threads.
-const RESULTS: [Column; 21] = [
+const RESULTS: [Column; 24] = [
     ("vertices", |report| json!(report.domain.vertices)),
     ("tets", |report| json!(report.domain.tets)),
     ("locked", |report| json!(report.domain.locked)),
@@ -35,6 +35,9 @@ const RESULTS: [Column; 21] = [
     ("active", |report| json!(report.achieved.active)),
     ("best_bound", |report| json!(report.achieved.best.best_bound)),
     ("gap", |report| json!(report.achieved.best.gap)),
+    ("ball_k", |report| json!(report.achieved.last.ball_k.map(|k| k.certified))),
+    ("ball_fraction", |report| json!(report.achieved.ball.ball_fraction)),
+    ("ball_bound", |report| json!(report.achieved.ball.ball_bound)),
     ("bijective", |report| json!(report.bijective)),
     ("iterations", |report| json!(report.achieved.iterations)),
     ("stop", |report| json!(report.achieved.stop)),

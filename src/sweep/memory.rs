@@ -45,6 +45,8 @@ fn shell_tets(surface: &Surface, settings: &ShellSettings) -> f64 {
         None => subdivided,
         // A last round of bisections may go beyond by as much again.
         Some(Refinement::Cells(cells)) => subdivided.max(2.0 * cells as f64),
+        // The sphere takes at least 450 triangles of the circumradius that goes with K = 1.25; halving makes a few times that.
+        Some(Refinement::Ball(_)) => subdivided.max(2500.0 * a_cone),
         // Bisection leaves edges between half the wanted length and all of it: triangles of length^2 / 8 at least.
         Some(Refinement::EdgeLength(length)) => subdivided.max(surface.area() * 8.0 / length.powi(2) * a_cone),
     }

@@ -7,7 +7,7 @@ use crate::config::InitialMap;
 use crate::experiment;
 
 /// A sweep over six tiny cases of the cube.
-const SIX: &str = "[domain]\nsolid = \"cube\"\n[mesh]\nlayers = 1\n[optimize]\nmax_iterations = 2\n\
+const SIX: &str = "[domain]\nsolid = \"cube\"\n[mesh]\nsubdivisions = 1\nlayers = 1\n[optimize]\nmax_iterations = 2\n\
                    [sweep.grid]\n\"map.exponent\" = [0.5, 1, 2]\n\"mesh.subdivisions\" = [1, 2]\n";
 
 fn sweep(text: &str) -> Sweep {

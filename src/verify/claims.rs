@@ -12,7 +12,7 @@ use crate::bound::LowerBound;
 use crate::bound::certificate;
 use crate::cancel::Cancel;
 use crate::experiment::{Course, Heading, bounds, record};
-use crate::measure::{Measured, measure};
+use crate::measure::{Measured, ball_dilatation, measure, measure_onto_ball};
 use crate::mesh::{TetId, Vec3};
 use crate::optimize::{OPTIMAL, StopReason, Untangled};
 use crate::report::{UntanglingFigures, trace_hash};
@@ -35,7 +35,10 @@ const ACTIVE: f64 = 1e-3;
 /// Holds all claims against the files.
 pub(super) fn check(files: &Files, findings: &mut Findings) {
     let Some(again) = again(files, findings) else { return };
-    let (before, after) = (measure(&again.start.domain, &again.start.image), measure(&files.domain, &files.image));
+    let mut before = measure(&again.start.domain, &again.start.image);
+    // Halving amplifies last bits, so of the positions in the files, which were held against those made again.
+    before.summary.ball_k = ball_dilatation(&files.domain, &files.start).ok();
+    let after = measure_onto_ball(&files.domain, &files.image);
     if let Some(centre) = again.start.centre.filter(|_| !again.made) {
         radial_trace(files, &centre.position, findings);
     }

@@ -121,6 +121,7 @@ fn told(files: &Files) -> Start {
         }),
         image: files.start.clone(),
         map: report.map.clone(),
+        refinement: report.refinement,
         splits: report.achieved.splits,
         warnings: Vec::new(),
     }

@@ -14,7 +14,7 @@ use crate::dilatation::{lower_bound, number, upper_bound};
 use crate::mesh::io::read_tets;
 use crate::mesh::{Boundary, Place, TetMesh, Unit, Vec3};
 use crate::optimize::TraceRow;
-use crate::report::summary::{decimals, point};
+use crate::report::summary::{decimals, percent, point};
 use crate::report::{CellRow, MapFigures, Report, summary};
 
 /// Bins of a histogram of K.
@@ -95,6 +95,7 @@ pub(super) fn page(shown: &Shown) -> Page {
 fn in_short(report: &Report) -> String {
     let gap = report.achieved.best.gap.map(upper_bound);
     let bound = report.achieved.best.best_bound.map(lower_bound);
+    let (ball, onto_ball) = (&report.achieved.ball, report.achieved.last.ball_k.map(|k| upper_bound(k.certified)));
     let none = || "none".to_string();
     let cards = [
         ("largest K", number(report.achieved.last.max_k)),
@@ -102,6 +103,7 @@ fn in_short(report: &Report) -> String {
         ("99 % of tets have K up to", number(report.achieved.last.p99_k)),
         ("best proved bound", bound.clone().unwrap_or_else(none)),
         ("gap", gap.clone().unwrap_or_else(none)),
+        ("K onto the ball, at most", onto_ball.clone().unwrap_or_else(none)),
         ("bijective", if report.bijective { "yes" } else { "no" }.into()),
     ];
     let cards: String =
@@ -122,6 +124,18 @@ fn in_short(report: &Report) -> String {
     if let Some(bound) = bound {
         words += &format!(" It is proved that no map of this mesh with this boundary has a largest K below {bound}");
         words += &gap.map_or_else(|| ".".into(), |gap| format!(": the map is within a factor of {gap}."));
+    }
+    if let (Some(k), Some(share)) = (onto_ball, ball.ball_fraction) {
+        words += &format!(
+            " The image fills {} of the ball. Followed by the radial map of this polyhedron, it is a map onto the ball whose K is at \
+             most {k}",
+            percent(share)
+        );
+        let bracket = ball.ball_bound.zip(ball.ball_gap).map(|(bound, gap)| {
+            let [bound, gap] = [lower_bound(bound), upper_bound(gap)];
+            format!("; no quasi-conformal map of the solid onto the ball has a K below {bound}, a factor of {gap}")
+        });
+        words += &format!("{}.", bracket.unwrap_or_default());
     }
     let mut html = format!("<dl class=\"cards\">{cards}</dl>\n{}", paragraph(&words));
     let known = if report.bijective { "" } else { "not known to be " };

@@ -1,0 +1,277 @@
+//! K onto the ball: of a map onto an inscribed polyhedron, followed by the radial map of that polyhedron onto the ball.
+//!
+//! The image of a mesh is a polyhedron Q, whose corners lie on a sphere about 0. Where Q is star-shaped about 0, moving its
+//! points along their rays takes it onto the ball. On the cone over a boundary triangle with unit normal n, in the
+//! direction u, that map has up to a factor the Jacobian
+//!
+//! ```text
+//! M(u) = I + u v^T,   v = n / (n.u) - u,   |v| = tan gamma,   M(u)^-1 = I - u v^T,   det M(u) = 1
+//! ```
+//!
+//! with gamma the angle between n and u: a shear with the singular values sigma, 1, 1 / sigma, sigma - 1 / sigma = tan gamma.
+//! After a linear map J of a tet it has
+//!
+//! ```text
+//! K_O = |M J|^3 / det J        K_I = |J^-1 M^-1|^3 det J        |.| the largest singular value
+//! ```
+//!
+//! whose largest values over all tets and the directions of their images, [`BallDilatation`], are here enclosed. It is the
+//! largest K of a quasi-conformal map of the solid onto the ball, so that whatever is proved of *all* such maps speaks of
+//! it, however coarse the mesh; K alone, onto the polyhedron, is 1 for a cube inscribed in the ball.
+//!
+//! # The bound from above
+//!
+//! Points y of the triangle's plane stand for directions: with n.y = 1, `M = I + y n^T - P` and `M^-1 = I - y n^T + P`,
+//! P = y y^T / |y|^2. The second derivative of P along a unit vector has the norm `2 r / |y|^3 <= 2 / |y|^2`, r the distance
+//! of the line from 0. A convex polygon with corners y_i of diameter L lies in a disc of radius L / sqrt 3 (Jung), so for a
+//! point `y = sum w_i y_i` of it `sum w_i |y_i - y|^2 <= L^2 / 3`; with m the least |y| there, Taylor's theorem says
+//!
+//! ```text
+//! |M(y) - sum w_i M(y_i)| <= e,   e = L^2 / (3 m^2),   m^2 >= min |y_i|^2 - L^2 / 3
+//! ```
+//!
+//! and the same of M^-1. Norms are convex: `|M(y) J| <= max |M(y_i) J| + e |J|`. So the corners bound the polygon, up to an
+//! error that falls fourfold when it is halved both ways. Whole tets are passed over by `K <= K(J) sigma^3`.
+//!
+//! All of this is computed in intervals from the positions as exact numbers, but for the corners of polygons: cutting rounds
+//! them, by far less than [`polygon`]'s `ROUNDING`, which is added to e.
+
+mod cones;
+mod enclosure;
+mod polygon;
+
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::{Measured, measure};
+use crate::dilatation::null_is_infinite;
+use crate::domain::Domain;
+use crate::mesh::{Orientation, TetId, Vec3, VertexId, View, orientation};
+use cones::{Cone, Cones};
+use enclosure::TetMap;
+use polygon::{Polygon, Shadow};
+
+/// The largest K of a map onto the ball, between two numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct BallDilatation {
+    /// Proved: K is nowhere larger. Infinite where a tet is flipped, or too thin for intervals to tell.
+    #[serde(deserialize_with = "null_is_infinite")]
+    pub certified: f64,
+    /// The largest K that was found at a point, at most `certified`; infinite where a tet is flipped.
+    #[serde(deserialize_with = "null_is_infinite")]
+    pub sampled: f64,
+}
+
+/// Why a map's image is not taken onto the ball by moving its points along their rays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum NotOntoBall {
+    /// The boundary positions lie on no sphere about 0.
+    #[error("the image is not inscribed in a sphere about 0")]
+    NotInscribed,
+    /// The boundary image is not star-shaped about 0.
+    #[error("the boundary image is not star-shaped about 0")]
+    NotStarShaped,
+}
+
+/// How near the two ends of a [`BallDilatation`] are brought, relative, and how near where many tets tie: after so many
+/// polygons, and so many more a tet, a few seconds of work.
+const TOLERANCE: f64 = 1e-4;
+/// See [`TOLERANCE`].
+const ROUGH: f64 = 1e-2;
+/// See [`TOLERANCE`].
+const POLYGONS: (usize, usize) = (200_000, 10);
+/// Most polygons that one tet is given; what is then left of its bound stays.
+const MOST_POLYGONS: usize = 4096;
+/// Tets that are bounded at once; only between batches the largest K so far is looked at, so that it does not depend on the
+/// number of threads.
+const BATCH: usize = 256;
+
+/// The largest K of the map of `domain` to `image` followed by the radial map of its image onto the ball.
+///
+/// Rotating or scaling the image changes nothing but rounding. The time is about that of a few evaluations a tet.
+///
+/// # Errors
+/// The image is not a polyhedron inscribed in a sphere about 0 and star-shaped about 0.
+///
+/// # Panics
+/// If `image` has fewer positions than the domain has vertices.
+pub fn ball_dilatation(domain: &Domain, image: &[Vec3]) -> Result<BallDilatation, NotOntoBall> {
+    let triangles: Vec<[Vec3; 3]> = onto_ball(domain, image)?;
+    let tets = domain.mesh().tets();
+    let corners = |tet: usize| tets[tet].map(|v| image[v.index()]);
+    let is_positive = |tet: usize| {
+        let corners = corners(tet);
+        corners.iter().all(|p| p.iter().all(|x| x.is_finite()))
+            && orientation(corners.each_ref()) == Orientation::Positive
+    };
+    if !(0..tets.len()).into_par_iter().all(is_positive) {
+        return Ok(BallDilatation { certified: f64::INFINITY, sampled: f64::INFINITY });
+    }
+    let map = |tet: usize| TetMap::new(&domain.mesh().corners(TetId(tet as u32)), &corners(tet));
+    let cones = Cones::new(&triangles);
+    // Every direction of a boundary triangle is one of its tet.
+    let owners = domain.boundary().owners();
+    let at_boundary = (0..triangles.len()).into_par_iter().map(|index| {
+        let (cone, map) = (cones.get(index), map(owners[index].index()));
+        triangles[index].iter().map(|corner| attained(map.largest(map.at(cone, corner), 0.0))).fold(1.0, f64::max)
+    });
+    let mut found = BallDilatation { certified: 1.0, sampled: at_boundary.reduce(|| 1.0, f64::max) };
+    // The tets of largest K first: once theirs are known, most of the others are passed over.
+    let most = cones.largest_stretch();
+    let mut order: Vec<(f64, usize)> =
+        (0..tets.len()).into_par_iter().map(|tet| (product(map(tet).k(), most), tet)).collect();
+    order.par_sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    let mut left = POLYGONS.0 + POLYGONS.1 * tets.len();
+    for batch in order.chunks(BATCH) {
+        let floor = found.certified.max(found.sampled);
+        if batch[0].0 <= floor {
+            break;
+        }
+        let tolerance = if left > 0 { TOLERANCE } else { ROUGH };
+        let bounded = batch.par_iter().filter(|(bound, _)| *bound > floor);
+        let bounded = bounded.map(|&(_, tet)| of_tet(&map(tet), &corners(tet), &cones, floor, tolerance));
+        let (more, polygons) = bounded.reduce(
+            || (found, 0),
+            |(a, n), (b, m)| {
+                let (certified, sampled) = (a.certified.max(b.certified), a.sampled.max(b.sampled));
+                (BallDilatation { certified, sampled }, n + m)
+            },
+        );
+        (found, left) = (more, left.saturating_sub(polygons));
+    }
+    // What was passed over is no larger than either.
+    found.certified = found.certified.max(found.sampled);
+    Ok(found)
+}
+
+/// Measures a map, K onto the ball included where there is one.
+///
+/// # Panics
+/// If `image` has fewer positions than the domain has vertices.
+pub fn measure_onto_ball(domain: &Domain, image: &[Vec3]) -> Measured {
+    let mut measured = measure(domain, image);
+    measured.summary.ball_k = ball_dilatation(domain, image).ok();
+    measured
+}
+
+/// The share of the ball's volume that the image fills, in (0, 1] up to rounding.
+///
+/// # Errors
+/// As [`ball_dilatation`].
+pub fn ball_fraction(domain: &Domain, image: &[Vec3]) -> Result<f64, NotOntoBall> {
+    let triangles = onto_ball(domain, image)?;
+    let radius = triangles.iter().flatten().map(|p| p.norm()).fold(0.0, f64::max);
+    let volume: f64 = triangles.iter().map(|t| t[0].cross(&t[1]).dot(&t[2]) / radius.powi(3)).sum::<f64>() / 6.0;
+    Ok(volume / (4.0 / 3.0 * std::f64::consts::PI))
+}
+
+/// The boundary triangles of the image, counter-clockwise seen from outside, if radial motion takes them onto a sphere.
+fn onto_ball(domain: &Domain, image: &[Vec3]) -> Result<Vec<[Vec3; 3]>, NotOntoBall> {
+    let boundary = domain.boundary();
+    let radii = || image.iter().zip(boundary.vertex_mask()).filter(|(_, on)| **on).map(|(p, _)| p.norm());
+    let least = radii().fold(f64::INFINITY, f64::min);
+    // Files may have six digits. False for NaN, which the minimum passes over.
+    if !(least > 0.0 && least.is_finite() && radii().all(|radius| radius <= least * (1.0 + 1e-5))) {
+        return Err(NotOntoBall::NotInscribed);
+    }
+    let corners = |triangle: &[VertexId; 3]| triangle.map(|v| image[v.index()]);
+    let triangles: Vec<[Vec3; 3]> = boundary.triangles().iter().map(corners).collect();
+    match View::from(&Vec3::zeros(), triangles.iter().map(|t| t.each_ref())) {
+        View::Covers(1) => Ok(triangles),
+        _ => Err(NotOntoBall::NotStarShaped),
+    }
+}
+
+/// A product of positive numbers, rounded up.
+fn product(a: f64, b: f64) -> f64 {
+    (a * b).next_up()
+}
+
+/// A K computed in intervals, as far below it as rounding may reach; 1 where they know no upper end.
+fn attained(k: f64) -> f64 {
+    if k.is_finite() { k * (1.0 - 1e-9) } else { 1.0 }
+}
+
+/// The largest K of one tet in the cones that its image meets, and how many polygons that took. What lies below `floor` need
+/// not be known better, and nothing better than to `tolerance`.
+fn of_tet(map: &TetMap, corners: &[Vec3; 4], cones: &Cones, floor: f64, tolerance: f64) -> (BallDilatation, usize) {
+    if map.k().is_infinite() {
+        return (BallDilatation { certified: f64::INFINITY, sampled: 1.0 }, 0);
+    }
+    let shadow = Shadow::of(corners);
+    let mut search = Search { map, queue: BinaryHeap::new(), sampled: 1.0, wanted: floor, tolerance };
+    // Rounded down, so that no product with K is above the floor.
+    cones.for_each_near(shadow.cap(), (floor / map.k()).next_down().next_down(), &mut |index| {
+        let cone = cones.get(index);
+        if product(map.k(), cone.stretch) > floor && !shadow.misses(cone) {
+            Polygon::of(&shadow, cone, map).into_iter().for_each(|polygon| search.take(polygon, index, cone));
+        }
+    });
+    let mut made = 0;
+    while let Some(Queued { bound, index, polygon }) = search.queue.pop() {
+        made += 1;
+        if bound <= search.wanted || made > MOST_POLYGONS {
+            return (BallDilatation { certified: bound, sampled: search.sampled }, made);
+        }
+        let cone = cones.get(index);
+        polygon.halved(map, cone).into_iter().for_each(|half| search.take(half, index, cone));
+    }
+    (BallDilatation { certified: 1.0, sampled: search.sampled }, made)
+}
+
+/// The polygons of one tet, and how far they are to be halved.
+struct Search<'a> {
+    map: &'a TetMap,
+    queue: BinaryHeap<Queued>,
+    /// The largest K found.
+    sampled: f64,
+    /// The bound that is near enough.
+    wanted: f64,
+    tolerance: f64,
+}
+
+impl Search<'_> {
+    fn take(&mut self, polygon: Polygon, index: usize, cone: &Cone) {
+        let at_corners = polygon.largest_at_corners(self.map);
+        if polygon.is_sampled {
+            // The corners are rounded.
+            self.sampled = self.sampled.max(attained(at_corners));
+        }
+        // The bound comes no lower than what the corners have, whether the tet reaches them or not.
+        self.wanted = self.wanted.max(at_corners * (1.0 + self.tolerance));
+        self.queue.push(Queued { bound: polygon.bound(self.map, cone), index, polygon });
+    }
+}
+
+/// A polygon in the cone of that index; that of the largest bound first, equals in a fixed order.
+struct Queued {
+    bound: f64,
+    index: usize,
+    polygon: Polygon,
+}
+
+impl PartialEq for Queued {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl Eq for Queued {}
+
+impl PartialOrd for Queued {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Queued {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.bound.total_cmp(&other.bound)
+    }
+}
+
+#[cfg(test)]
+mod tests;

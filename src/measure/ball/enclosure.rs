@@ -1,0 +1,179 @@
+//! Upper bounds, in intervals, for the dilatations of one tet's map followed by the radial map in one direction.
+
+use super::cones::Cone;
+use crate::linalg::interval::{Interval, cross, dot};
+use crate::linalg::svd;
+use crate::mesh::{Mat3, Vec3};
+
+/// A matrix by rows.
+type Matrix = [[Interval; 3]; 3];
+
+/// Upper bounds of `|M J det X|` and `|J^-1 M^-1 det Y|` in one direction.
+pub(super) type Norms = [f64; 2];
+
+/// The linear map J of one tet, up to factors: with the edge matrices X of the domain and Y of the image,
+/// `J det X = Y adj X` and `J^-1 det Y = X adj Y`.
+pub(super) struct TetMap {
+    /// `J det X`.
+    forward: Matrix,
+    /// `J^-1 det Y`.
+    backward: Matrix,
+    /// Upper bounds of the norms of both.
+    norms: Norms,
+    /// `K_O = |J det X|^3 / (det X^2 det Y)` and `K_I = |J^-1 det Y|^3 / (det Y^2 det X)`: the factors, rounded up.
+    factors: [f64; 2],
+}
+
+impl TetMap {
+    /// The map that takes the corners of a tet, as exact numbers, to those of its image; its bounds are infinite where
+    /// intervals do not tell that both volumes are positive.
+    pub fn new(domain: &[Vec3; 4], image: &[Vec3; 4]) -> Self {
+        let [x, y] = [domain, image].map(edges_by_columns);
+        let [adjugate_x, adjugate_y] = [x, y].map(|[a, b, c]| [cross(b, c), cross(c, a), cross(a, b)]);
+        let [det_x, det_y] = [dot(x[0], adjugate_x[0]), dot(y[0], adjugate_y[0])];
+        let [forward, backward] = [product(&transposed(&y), &adjugate_x), product(&transposed(&x), &adjugate_y)];
+        let factor = |square: Interval, det: Interval| match (square * square * det).reciprocal() {
+            Some(factor) if square.lower > 0.0 && det.lower > 0.0 => factor.upper,
+            _ => f64::INFINITY,
+        };
+        let factors = [factor(det_x, det_y), factor(det_y, det_x)];
+        Self { norms: [norm(&forward), norm(&backward)], forward, backward, factors }
+    }
+
+    /// Upper bound of the tet's own K, before the radial map.
+    pub fn k(&self) -> f64 {
+        self.largest(self.norms, 0.0)
+    }
+
+    /// The norms in one direction, as an exact vector of any length, of the radial map on a cone.
+    pub fn at(&self, cone: &Cone, direction: &Vec3) -> Norms {
+        let Some([shear, inverse]) = shears(cone, direction) else { return [f64::INFINITY; 2] };
+        [norm(&product(&shear, &self.forward)), norm(&product(&self.backward, &inverse))]
+    }
+
+    /// Upper bound of K where the norms exceed `norms` by at most the part `excess` of those of the tet's own map.
+    pub fn largest(&self, norms: Norms, excess: f64) -> f64 {
+        let k = |side: usize| {
+            let norm = (norms[side] + (excess * self.norms[side]).next_up()).next_up();
+            let square = (norm * norm).next_up();
+            ((square * norm).next_up() * self.factors[side]).next_up()
+        };
+        // NaN, of zero times infinity, is no bound.
+        let [outer, inner] = [0, 1].map(k).map(|k| if k.is_nan() { f64::INFINITY } else { k });
+        outer.max(inner)
+    }
+}
+
+/// The differences of a tet's corners to its first one.
+fn edges_by_columns(corners: &[Vec3; 4]) -> Matrix {
+    let [origin, ends @ ..] = corners.map(|p| <[f64; 3]>::from(p).map(Interval::exactly));
+    ends.map(|end| [0, 1, 2].map(|i| end[i] - origin[i]))
+}
+
+/// `M = I + u v^T` and its inverse `I - u v^T` for the radial map on a cone, see [`super`]; none if rounding could turn the
+/// direction out of the half-space of the cone's plane.
+fn shears(cone: &Cone, direction: &Vec3) -> Option<[Matrix; 2]> {
+    let y = <[f64; 3]>::from(*direction).map(Interval::exactly);
+    let along = dot(cone.normal, y);
+    if along.lower <= 0.0 {
+        return None;
+    }
+    // u v^T = y n^T / (n.y) - y y^T / |y|^2
+    let (along, square) = (along.reciprocal()?, dot(y, y).reciprocal()?);
+    let v = [0, 1, 2].map(|j| cone.normal[j] * along - y[j] * square);
+    let entry = |i: usize, j: usize| y[i] * v[j];
+    let unit = |i: usize, j: usize| Interval::exactly(f64::from(u8::from(i == j)));
+    let shear = |sign: fn(Interval) -> Interval| [0, 1, 2].map(|i| [0, 1, 2].map(|j| unit(i, j) + sign(entry(i, j))));
+    Some([shear(|x| x), shear(|x| -x)])
+}
+
+/// Upper bound of the largest singular value of the radial map on a cone in one direction.
+pub(super) fn stretch(cone: &Cone, direction: &Vec3) -> f64 {
+    shears(cone, direction).map_or(f64::INFINITY, |[shear, _]| norm(&shear))
+}
+
+fn transposed(a: &Matrix) -> Matrix {
+    [0, 1, 2].map(|i| [0, 1, 2].map(|j| a[j][i]))
+}
+
+fn product(a: &Matrix, b: &Matrix) -> Matrix {
+    a.map(|row| [0, 1, 2].map(|j| row[0] * b[0][j] + row[1] * b[1][j] + row[2] * b[2][j]))
+}
+
+/// Upper bound of the largest singular value of a matrix B.
+///
+/// V is any matrix near the right singular vectors, taken as exact. With `G = (B V)^T (B V)` and `D = V^T V - I` every x = V z
+/// has `|B x|^2 = z^T G z <= g |z|^2` and `|x|^2 >= (1 - d) |z|^2`, g and d the largest sums of absolute values in a row of G
+/// and D (Gershgorin). So `|B|^2 <= g / (1 - d)` if d < 1, when V is invertible.
+fn norm(b: &Matrix) -> f64 {
+    let middle = Mat3::from_fn(|i, j| b[i][j].middle());
+    if !middle.iter().all(|x| x.is_finite()) {
+        return f64::INFINITY;
+    }
+    let right = svd(&middle).right;
+    let v: Matrix = [0, 1, 2].map(|i| [0, 1, 2].map(|j| Interval::exactly(right[(i, j)])));
+    let columns = transposed(&product(b, &v));
+    let gram = [0, 1, 2].map(|i| [0, 1, 2].map(|j| dot(columns[i], columns[j])));
+    let v = transposed(&v);
+    let unit = |i: usize, j: usize| Interval::exactly(f64::from(u8::from(i == j)));
+    let defect = [0, 1, 2].map(|i| [0, 1, 2].map(|j| dot(v[i], v[j]) - unit(i, j)));
+    let room = Interval::exactly(1.0) - Interval::exactly(largest_row(&defect));
+    match room.reciprocal() {
+        Some(over) if room.lower > 0.0 => (largest_row(&gram) * over.upper).next_up().sqrt().next_up(),
+        _ => f64::INFINITY,
+    }
+}
+
+/// The largest sum of absolute values in a row, rounded up.
+fn largest_row(a: &Matrix) -> f64 {
+    let row = |row: &[Interval; 3]| row.iter().fold(0.0, |sum: f64, x| (sum + x.upper.max(-x.lower)).next_up());
+    a.iter().map(row).fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dilatation::Dilatation;
+    use crate::mesh::edge_matrix;
+    use proptest::prelude::*;
+
+    fn tet() -> impl Strategy<Value = [Vec3; 4]> {
+        prop::array::uniform4(prop::array::uniform3(-1.0..1.0f64))
+            .prop_map(|corners| corners.map(Vec3::from))
+            .prop_filter("not thin", |corners| edge_matrix(*corners).determinant() > 1e-2)
+    }
+
+    proptest! {
+        #[test]
+        fn the_bound_is_that_of_the_decomposition_rounded_up(domain in tet(), image in tet(), direction in prop::array::uniform3(0.1..1.0f64)) {
+            let jacobian = edge_matrix(image) * edge_matrix(domain).try_inverse().unwrap();
+            let map = TetMap::new(&domain, &image);
+            let own = Dilatation::of(&jacobian).k();
+            // Conditions below 1e3, cubed.
+            prop_assert!(map.k() >= own * (1.0 - 1e-9) && map.k() <= own * (1.0 + 1e-9), "{} {own}", map.k());
+
+            let corners = [Vec3::x(), Vec3::y(), Vec3::z()];
+            let (cone, y) = (Cone::over(&corners), Vec3::from(direction));
+            // The radial map (x + y + z) / |.| of the plane's distance, differentiated by hand.
+            let (n, u) = (Vec3::repeat(1.0), y.normalize());
+            let radial = u * n.transpose() + (Mat3::identity() - u * u.transpose()) * n.dot(&u);
+            let (bound, want) = (map.largest(map.at(&cone, &y), 0.0), Dilatation::of(&(radial * jacobian)).k());
+            prop_assert!(bound >= want * (1.0 - 1e-9) && bound <= want * (1.0 + 1e-9), "{bound} {want}");
+            // A shear with sigma - 1 / sigma = tan gamma.
+            let tangent = n.cross(&u).norm() / n.dot(&u);
+            let sigma = 0.5 * (tangent + (tangent * tangent + 4.0).sqrt());
+            prop_assert!((stretch(&cone, &y) - sigma).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_tet_whose_volume_rounding_decides_is_bounded_by_nothing() {
+        let good = [Vec3::zeros(), Vec3::x(), Vec3::y(), Vec3::z()];
+        let thin =
+            [Vec3::zeros(), Vec3::repeat(0.1), Vec3::new(0.3, 0.3, 0.3 + 1e-17), Vec3::new(0.7, 0.7 + 1e-16, 0.7)];
+        assert_eq!(TetMap::new(&thin, &good).k(), f64::INFINITY);
+        assert_eq!(TetMap::new(&good, &thin).k(), f64::INFINITY);
+        // Some 60 roundings by an ulp or two, cubed.
+        assert!(TetMap::new(&good, &good).k() < 1.0 + 1e-13);
+    }
+}
