@@ -2,9 +2,11 @@
 
 use std::io::{self, Write};
 
-use miette::{Diagnostic, GraphicalReportHandler, GraphicalTheme};
+use annotate_snippets::renderer::DecorStyle;
+use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
 
 use super::{Ending, Failure};
+use crate::config::ConfigError;
 
 /// Prints to standard output; unlike `print!`, a closed pipe is an error value and no panic.
 pub(super) fn print(text: &str) -> Result<Ending, Failure> {
@@ -36,13 +38,13 @@ pub(super) fn show_error(failure: &Failure) {
 }
 
 /// The message, the lines it speaks of and the remedy; without colour, and unwrapped, so that it can be searched.
-fn excerpt(error: &dyn Diagnostic) -> String {
-    let mut text = String::new();
-    let handler = GraphicalReportHandler::new_themed(GraphicalTheme::unicode_nocolor())
-        .with_wrap_lines(false)
-        .without_cause_chain();
-    match handler.render_report(&mut text, error) {
-        Ok(()) => format!("error: {}", text.trim_start().trim_start_matches(['×', ' '])),
-        Err(_) => format!("error: {error}\n"),
+fn excerpt(error: &ConfigError) -> String {
+    let message = error.to_string();
+    let mut report = vec![Group::with_title(Level::ERROR.primary_title(&message))];
+    if let ConfigError::Content { text, span: Some(span), .. } = error {
+        let lines = Snippet::source(text).annotation(AnnotationKind::Primary.span(span.clone()).label("here"));
+        report = vec![Level::ERROR.primary_title(&message).element(lines)];
     }
+    report.push(Group::with_title(Level::HELP.secondary_title(error.help())));
+    format!("{}\n", Renderer::plain().decor_style(DecorStyle::Unicode).render(&report))
 }

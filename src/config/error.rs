@@ -3,12 +3,10 @@
 use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-
-use miette::{Diagnostic, NamedSource, SourceSpan};
 
 /// What is wrong with a config or with an override of it.
-#[derive(Debug, Diagnostic, thiserror::Error)]
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ConfigError {
     /// The operating system refused: no such file, a directory, not UTF-8.
     #[error("cannot read the config {}: {source}", path.display())]
@@ -18,7 +16,6 @@ pub enum ConfigError {
         /// The system's reason.
         source: io::Error,
         /// What to do.
-        #[help]
         help: String,
     },
     /// The file's text is at fault.
@@ -31,14 +28,11 @@ pub enum ConfigError {
         /// What is wrong.
         message: String,
         /// What to do.
-        #[help]
         help: String,
         /// The text, for the excerpt.
-        #[source_code]
-        text: Arc<NamedSource<String>>,
-        /// Where in the text.
-        #[label("here")]
-        span: Option<SourceSpan>,
+        text: String,
+        /// Where in the text, in bytes.
+        span: Option<Range<usize>>,
     },
     /// An override is at fault, not the file.
     #[error("--set {assignment}: {message}")]
@@ -48,7 +42,6 @@ pub enum ConfigError {
         /// What is wrong.
         message: String,
         /// What to do.
-        #[help]
         help: String,
     },
 }
@@ -82,6 +75,13 @@ impl Fault {
 }
 
 impl ConfigError {
+    /// What to do about it.
+    pub fn help(&self) -> &str {
+        match self {
+            Self::Read { help, .. } | Self::Content { help, .. } | Self::Override { help, .. } => help,
+        }
+    }
+
     pub(super) fn content(path: &Path, text: &str, span: Option<Range<usize>>, message: String, help: String) -> Self {
         let line = span.as_ref().map(|span| 1 + text.as_bytes()[..span.start].iter().filter(|&&b| b == b'\n').count());
         Self::Content {
@@ -89,8 +89,8 @@ impl ConfigError {
             line,
             message,
             help,
-            text: Arc::new(NamedSource::new(path.display().to_string(), text.to_string())),
-            span: span.map(SourceSpan::from),
+            text: text.to_string(),
+            span,
         }
     }
 }

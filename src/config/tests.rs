@@ -20,8 +20,7 @@ fn plan(text: &str, overrides: &[&str]) -> Result<Plan, ConfigError> {
 /// The message, then the help.
 fn refusal(text: &str, overrides: &[&str]) -> String {
     let error = plan(text, overrides).expect_err(text);
-    let help = miette::Diagnostic::help(&error).map(|help| help.to_string()).unwrap_or_default();
-    format!("{error}\n{help}")
+    format!("{error}\n{}", error.help())
 }
 
 #[test]

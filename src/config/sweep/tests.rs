@@ -142,8 +142,7 @@ fn faults_name_the_line_and_the_remedy() {
     ];
     for (text, words) in faults {
         let error = sweep(text, &[]).expect_err(text);
-        let help = miette::Diagnostic::help(&error).map(|help| help.to_string()).unwrap_or_default();
-        let message = format!("{error}\n{help}");
+            let message = format!("{error}\n{}", error.help());
         for word in *words {
             assert!(message.contains(word), "{text}\n-> {message}\nlacks {word}");
         }

@@ -1,11 +1,12 @@
 //! Charts as data, so that the page and the SVG files draw the same, and their form for plotly.js.
 
-use plotly::common::{Fill, Line, LineShape, Marker, Mode, Orientation};
-use plotly::layout::{Axis as PlotlyAxis, AxisType, Margin};
-use plotly::{Bar, Layout, Plot, Scatter};
+use serde_json::{Value, json};
 
 /// Colours that can be told apart on white and on black, also by the colour-blind (Okabe and Ito).
 pub(super) const COLOURS: [&str; 6] = ["#e69f00", "#0072b2", "#009e73", "#cc79a7", "#56b4e9", "#888888"];
+
+/// Pixels from one side of a bar to the other.
+const BAR_WIDTH: u32 = 12;
 
 /// An axis of a [`Chart`].
 #[derive(Clone, Debug, Default)]
@@ -68,19 +69,22 @@ impl Axis {
     }
 
     /// For `values` on it.
-    fn for_plotly(&self, values: impl Iterator<Item = f64>) -> PlotlyAxis {
-        let axis = PlotlyAxis::new().title(self.label.as_str()).auto_margin(true);
-        match self {
-            Self { logarithmic: true, .. } => {
-                let axis = axis.type_(AxisType::Log).tick_format("~r");
-                // Near and beyond a decade the ticks would be at all multiples of its powers; few of them are 1, 2, 5, 10, ...
-                if spanned(values) > 6.0 { axis.n_ticks(3) } else { axis }
+    fn for_plotly(&self, values: impl Iterator<Item = f64>) -> Value {
+        let mut axis = json!({"title": {"text": self.label}, "automargin": true});
+        if self.logarithmic {
+            axis["type"] = json!("log");
+            axis["tickformat"] = json!("~r");
+            // Near and beyond a decade the ticks would be at all multiples of its powers; few of them are 1, 2, 5, 10, ...
+            if spanned(values) > 6.0 {
+                axis["nticks"] = json!(3);
             }
-            Self { names, .. } if names.is_empty() => axis.type_(AxisType::Linear),
-            Self { names, .. } => {
-                axis.tick_values((0..names.len()).map(|index| index as f64).collect()).tick_text(names.clone())
-            }
+        } else if self.names.is_empty() {
+            axis["type"] = json!("linear");
+        } else {
+            axis["tickvals"] = json!((0..self.names.len()).collect::<Vec<usize>>());
+            axis["ticktext"] = json!(self.names);
         }
+        axis
     }
 }
 
@@ -93,37 +97,51 @@ impl Series {
         COLOURS[self.colour % COLOURS.len()]
     }
 
-    fn for_plotly(&self) -> Box<dyn plotly::Trace> {
-        const TEXT: &str = "%{hovertext}<extra></extra>";
+    /// As a trace whose bars start at `left`.
+    fn for_plotly(&self, left: f64) -> Value {
         let [x, y]: [Vec<f64>; 2] = [0, 1].map(|axis| self.points.iter().map(|point| point[axis]).collect());
-        if self.style == Style::Bars {
-            let bar = Bar::new(x, y).orientation(Orientation::Horizontal).name(&self.name);
-            let bar = bar.marker(Marker::new().color(self.colour())).hover_text_array(self.hover.clone());
-            return bar.hover_template(TEXT);
+        let mut trace = json!({
+            "type": "scatter", "name": self.name, "x": x, "y": y, "mode": "lines",
+            "line": {"color": self.colour(), "width": 2}, "marker": {"color": self.colour(), "size": 7},
+        });
+        let mut hover = self.hover.clone();
+        match self.style {
+            Style::Line => {}
+            Style::Points => trace["mode"] = json!("markers"),
+            Style::Steps => {
+                trace["line"]["shape"] = json!("hv");
+                trace["fill"] = json!("tozeroy");
+            }
+            // The bundle of plotly.js in use has no bars: thick lines with a gap after each.
+            Style::Bars => {
+                trace["line"]["width"] = json!(BAR_WIDTH);
+                trace["x"] = x.iter().flat_map(|&x| [json!(left), json!(x), Value::Null]).collect();
+                trace["y"] = y.iter().flat_map(|&y| [json!(y), json!(y), Value::Null]).collect();
+                hover = self.hover.iter().flat_map(|text| [text.clone(), text.clone(), String::new()]).collect();
+            }
         }
-        let line = Line::new().color(self.colour()).width(2.0);
-        let scatter = Scatter::new(x, y).name(&self.name).marker(Marker::new().color(self.colour()).size(7));
-        let scatter = match self.style {
-            Style::Points => scatter.mode(Mode::Markers),
-            Style::Steps => scatter.mode(Mode::Lines).line(line.shape(LineShape::Hv)).fill(Fill::ToZeroY),
-            Style::Line | Style::Bars => scatter.mode(Mode::Lines).line(line),
-        };
-        if self.hover.is_empty() {
-            return scatter;
+        if !hover.is_empty() {
+            trace["hovertext"] = json!(hover);
+            trace["hovertemplate"] = json!("%{hovertext}<extra></extra>");
         }
-        scatter.hover_text_array(self.hover.clone()).hover_template(TEXT)
+        trace
     }
 }
 
 impl Chart {
     /// The figure that plotly.js draws, as JSON.
     pub(super) fn for_plotly(&self) -> String {
-        let mut plot = Plot::new();
-        self.series.iter().for_each(|series| plot.add_trace(series.for_plotly()));
         let values =
             |axis: usize| self.series.iter().flat_map(move |one| one.points.iter().map(move |point| point[axis]));
-        let layout = Layout::new().x_axis(self.x.for_plotly(values(0))).y_axis(self.y.for_plotly(values(1)));
-        plot.set_layout(layout.show_legend(true).margin(Margin::new().left(60).right(16).top(40).bottom(48)));
-        plot.to_json()
+        // What has bars on a logarithmic axis are ratios, which are all one at least.
+        let left = if self.x.logarithmic { 1.0 } else { 0.0 };
+        json!({
+            "data": self.series.iter().map(|series| series.for_plotly(left)).collect::<Vec<Value>>(),
+            "layout": {
+                "xaxis": self.x.for_plotly(values(0)), "yaxis": self.y.for_plotly(values(1)),
+                "showlegend": true, "hovermode": "closest", "margin": {"l": 60, "r": 16, "t": 40, "b": 48},
+            },
+        })
+        .to_string()
     }
 }

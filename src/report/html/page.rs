@@ -2,7 +2,6 @@
 
 use std::path::Path;
 
-use plotly::Plot;
 use quick_xml::escape::escape;
 
 use super::chart::Chart;
@@ -12,6 +11,8 @@ const STYLE: &str = include_str!("page.css");
 const CHARTS: &str = include_str!("charts.js");
 const VIEWER: &str = include_str!("viewer.js");
 const TABLE: &str = include_str!("table.js");
+/// plotly.js with its 3D traces and the scatter trace alone, MIT: npm's plotly.js-gl3d-dist-min, unchanged.
+const PLOTLY: &str = include_str!("plotly-gl3d-3.7.0.min.js");
 /// Runs before plotly.js, which reads a large canvas back many times: that is slow, and warned of, unless it is told ahead.
 const READ_BACK: &str = r#"<script>
 const getContext = HTMLCanvasElement.prototype.getContext;
@@ -79,7 +80,7 @@ impl Page {
             if let Some(viewer) = &self.viewer {
                 writeln!(file, "{}", data("viewer-data", viewer))?;
             }
-            writeln!(file, "{READ_BACK}\n{}", plotly_script())?;
+            writeln!(file, "{READ_BACK}\n<script>{PLOTLY}</script>")?;
             writeln!(file, "<script type=\"module\">\n{CHARTS}\n{TABLE}\n{VIEWER}\n</script>\n</body>\n</html>")
         })
     }
@@ -93,14 +94,4 @@ impl Page {
         }
         Ok(())
     }
-}
-
-/// The script element of plotly.js. The crate gives that of MathJax after it, which is not needed: no label has formulas.
-fn plotly_script() -> String {
-    const END: &str = "</script>";
-    let mut sources = Plot::offline_js_sources();
-    if let Some(end) = sources.find(END) {
-        sources.truncate(end + END.len());
-    }
-    sources
 }
