@@ -268,9 +268,9 @@
 //! # }
 //! ```
 //!
-//! Values are lowered by a bound on their own rounding error. That is an error analysis, not interval arithmetic. The
-//! strongest bound, which takes a search, is the Gram certificate ([`bound::certificate`]): data from which anybody can prove
-//! it again, checked with all rounding accounted for.
+//! A value that is called proved was accepted by a small checker in interval arithmetic, from the positions alone, whatever found
+//! it; [`bound::confront`] ends a run whose map lies below one. The strongest bound, which takes a search, is the Gram certificate
+//! ([`bound::certificate`]): data from which anybody can prove it again.
 //!
 //! # Determinism
 //!
@@ -286,7 +286,7 @@
 //! | module | what it holds |
 //! |---|---|
 //! | [`cancel`] | ending work from outside, and deadlines |
-//! | [`linalg`] | the signed 3x3 singular value decomposition; the sparse positive definite solve |
+//! | [`linalg`] | the signed 3x3 singular value decomposition; the sparse positive definite solve; intervals |
 //! | [`dilatation`] | K_I, K_O and K of one Jacobian |
 //! | [`mesh`] | ids, units, tet meshes, boxes and soups, topology, sharp features, full boundary; `io`: a format a file |
 //! | [`solid`] | built-in solids, closed surfaces and their invariants, star kernel and centre, the shell and flag meshers, voxels |
@@ -296,7 +296,7 @@
 //! | [`estimate`] | the paper's estimates of K at vertices and cells, of tets and hexahedra |
 //! | [`objective`] | energies of one tet and their sum with gradient and Hessian |
 //! | [`mod@optimize`] | continuation, Newton, L-BFGS, minimax, untangling |
-//! | [`bound`] | lower bounds, a theorem a file |
+//! | [`bound`] | lower bounds, a theorem a file; `check`: what has to be believed of them |
 //! | [`arrays`] | the front doors: plain arrays in, plain arrays out |
 //! | [`picture`] | pictures of meshes and maps without a display, and the same figures as data |
 //! | [`config`] | the config as typed and the plan it means |

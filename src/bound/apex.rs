@@ -18,14 +18,14 @@ const MOST_PROGRAMS: usize = 10_000;
 /// below the trace bound of the faces involved, by which it goes beyond with the angles between them.
 ///
 /// **Proof**. K of a tet with three fixed vertices is a quasiconvex function of the fourth, so the minimum is that of a
-/// quasiconvex function in three variables; `FreeVertex::least` encloses it, with the proof of its lower end.
+/// quasiconvex function in three variables; `FreeVertex::least` encloses it, with the theorem of its lower end.
 ///
 /// Vertices are taken in the order of a first guess at their values, and each is left as soon as it cannot exceed the best
 /// one so far. On large meshes, or when cancelled, the vertices that remain bound nothing; so does a
-/// vertex over a degenerate face, and one for which no position with positive determinants is found. A pure trace
+/// vertex for which no position with positive determinants is found. A tet that is too thin takes no part. A pure trace
 /// question (free boundary values) is beyond this bound: it needs the image of the faces. Concave and flat edges play no part.
 ///
-/// In floats: see `FreeVertex::least`.
+/// Checked by `check::free_vertex::excluded`.
 pub fn apex(domain: &Domain, image: &[Vec3], cancel: &Cancel) -> Vec<LowerBound> {
     let stars = stars(domain, image);
     [Kind::K, Kind::Inner, Kind::Outer]

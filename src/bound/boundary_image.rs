@@ -1,7 +1,5 @@
 //! The image of the boundary, and how far it determines the angles inside.
 
-use std::f64::consts::TAU;
-
 use crate::domain::Domain;
 use crate::mesh::angle::Angle;
 use crate::mesh::{BoundaryEdges, Vec3, View};
@@ -46,12 +44,14 @@ impl<'a> BoundaryImage<'a> {
 
     /// The angles `principal + 2 pi k`, k = 0, 1, ..., that a sum of image angles below `limit` can have, as far as they
     /// matter for a comparison with the angle `domain`: up to the first that is not below it.
+    ///
+    /// None if the angle is not defined.
     pub(super) fn possible_angles(self, principal: Angle, domain: Angle, limit: f64) -> impl Iterator<Item = Angle> {
         let turns = if self.injective { 0..1 } else { 0..i64::MAX };
         let mut passed = false;
         turns
             .map(move |turns| principal.plus_half_turns(2 * turns))
-            .take_while(move |angle| angle.lower() < limit && angle.error.is_finite())
+            .take_while(move |angle| angle.lower() < limit && angle.upper().is_finite())
             .filter(|angle| angle.upper() > 0.0)
             .take_while(move |angle| {
                 let wanted = !passed;
@@ -62,26 +62,25 @@ impl<'a> BoundaryImage<'a> {
 
     /// Whether `principal` is the only one of the possible angles below `limit`.
     pub(super) fn is_unique(self, principal: Angle, limit: f64) -> bool {
-        principal.lower() > 0.0 && (self.injective || principal.lower() + TAU >= limit)
+        principal.lower() > 0.0 && (self.injective || principal.plus_half_turns(2).lower() >= limit)
     }
 }
 
-/// The least factor between two angles, both only known up to their errors: `max(image / domain, domain / image) >= 1`.
-pub(super) fn factor(image: Angle, domain: Angle) -> f64 {
-    // The quotient of two rounded numbers, lowered by its own rounding.
-    let quotient = |over: Angle, under: Angle| (over.lower() / under.upper()) * (1.0 - 2.0 * f64::EPSILON);
-    quotient(image, domain).max(quotient(domain, image)).max(1.0)
+/// A number at least `count * pi`, below which the angles of so many tets at an edge lie.
+pub(super) fn half_turns(count: usize) -> f64 {
+    Angle::ZERO.plus_half_turns(count as i64).upper()
 }
 
 #[cfg(test)]
 mod tests {
-    use std::f64::consts::PI;
+    use std::f64::consts::{PI, TAU};
 
     use super::*;
+    use crate::linalg::interval::Interval;
     use crate::mesh::fixtures::{cube, fan};
 
     fn exactly(value: f64) -> Angle {
-        Angle { value, error: 0.0 }
+        Angle::within(Interval::exactly(value))
     }
 
     #[test]
@@ -89,16 +88,18 @@ mod tests {
         let known = BoundaryImage { positions: &[], injective: true };
         let unknown = BoundaryImage { positions: &[], injective: false };
         let values = |image: BoundaryImage, principal: f64, domain: f64, limit: f64| -> Vec<f64> {
-            image.possible_angles(exactly(principal), exactly(domain), limit).map(|angle| angle.value).collect()
+            let angles = image.possible_angles(exactly(principal), exactly(domain), limit);
+            angles.map(|angle| (1e12 * angle.value()).round() * 1e-12).collect()
         };
+        let rounded = |angle: f64| (1e12 * angle).round() * 1e-12;
         assert_eq!(values(known, 1.0, 3.0, 100.0), [1.0]);
-        assert_eq!(values(unknown, 1.0, 3.0, 100.0), [1.0, 1.0 + TAU]);
+        assert_eq!(values(unknown, 1.0, 3.0, 100.0), [1.0, rounded(1.0 + TAU)]);
         // Opening edges need no further turn, and three tets cannot make one of more than 3 pi.
         assert_eq!(values(unknown, 3.0, 1.0, 100.0), [3.0]);
         assert_eq!(values(unknown, 4.0, 5.0, 3.0 * PI), [4.0]);
         assert!(unknown.is_unique(exactly(4.0), 3.0 * PI) && !unknown.is_unique(exactly(1.0), 3.0 * PI));
         // A non-positive angle is not the true one.
-        assert_eq!(values(unknown, -1.0, 3.0, 100.0), [TAU - 1.0]);
+        assert_eq!(values(unknown, -1.0, 3.0, 100.0), [rounded(TAU - 1.0)]);
     }
 
     #[test]

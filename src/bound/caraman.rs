@@ -1,6 +1,6 @@
 //! The bound by the number of faces that the paper quotes after Caraman 1974 (paper eq. 41).
 
-use super::{Kind, LowerBound, Scope, rounded_down};
+use super::{Kind, LowerBound, Scope};
 use crate::mesh::Features;
 
 /// `K_I >= (m - 1) / (m - 3)` for quasi-conformal maps of a convex polyhedron with m >= 4 flat faces onto the ball;
@@ -18,7 +18,7 @@ pub fn caraman(features: &Features) -> Option<LowerBound> {
         name: "caraman",
         source: "paper eq. 41, after Caraman 1974",
         kind: Kind::Inner,
-        value: rounded_down((faces as f64 - 1.0) / (faces as f64 - 3.0), f64::EPSILON)?,
+        value: ((faces as f64 - 1.0) / (faces as f64 - 3.0)).next_down(),
         scope: Scope::Shape,
         certified: false,
         applies: false,

@@ -2,9 +2,11 @@
 
 use std::f64::consts::PI;
 
-use super::{Kind, LowerBound, Place, Scope, rounded_down, strongest, three_halves_power};
+use super::check::{factor, three_halves_power};
+use super::{Kind, LowerBound, Place, Scope, strongest};
 use crate::domain::Domain;
 use crate::mesh::BoundaryEdges;
+use crate::mesh::angle::Angle;
 
 /// `(pi / alpha)^(3/2)` at the least convex dihedral angle alpha: the limit of [`super::edge_ratio()`] as the boundary mesh
 /// is refined, so that the inscribed polyhedron's angle beta at the edge's image tends to pi.
@@ -12,11 +14,12 @@ use crate::mesh::BoundaryEdges;
 /// It bounds the limit inferior of K over orientation-preserving piecewise-linear maps with the radial boundary values on
 /// ever finer meshes (a theorem, B3.2: `K >= (beta / alpha)^(3/2)` on each mesh). For *general* quasi-conformal maps
 /// `K >= (pi / alpha)^(3/2)` is a conjecture, hence it is not certified for its scope, and applies to no single map.
+///
+/// Checked by `check::factor`.
 pub fn edge_limit(domain: &Domain, edges: &BoundaryEdges) -> Option<LowerBound> {
-    let convex = edges.edges().iter().filter(|edge| edge.angle().upper() < PI);
-    let ratios =
-        convex.filter_map(|edge| Some((rounded_down(PI / edge.angle().upper(), 2.0 * f64::EPSILON)?, edge.ends)));
-    let (ratio, ends) = strongest(ratios)?;
+    let convex = edges.edges().iter().map(|edge| (edge.angle(), edge.ends)).filter(|(angle, _)| angle.upper() < PI);
+    let openings = convex.map(|(angle, ends)| (factor(Angle::ZERO.plus_half_turns(1), angle), ends));
+    let (ratio, ends) = strongest(openings)?;
     Some(LowerBound {
         name: "edge-limit",
         source: "docs of qcball::bound::edge_limit",

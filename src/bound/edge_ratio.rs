@@ -1,11 +1,8 @@
 //! The ratio of dihedral angles at a boundary edge (paper eq. 42, bounds.md B3.2).
 
-use std::f64::consts::PI;
-
-use super::boundary_image::factor;
-use super::{
-    BoundaryImage, Kind, LowerBound, Place, rounded_down, strongest, three_halves_power, with_inner_and_outer,
-};
+use super::boundary_image::half_turns;
+use super::check::{factor, three_halves_power};
+use super::{BoundaryImage, Kind, LowerBound, Place, strongest, with_inner_and_outer};
 use crate::domain::Domain;
 use crate::mesh::{BoundaryEdge, BoundaryEdges};
 
@@ -19,7 +16,7 @@ use crate::mesh::{BoundaryEdge, BoundaryEdges};
 /// `sum 2 atan(tau tan(a_i / 2)) = beta` for beta >= alpha. Some tet has b_i / a_i >= beta / alpha = q, and
 /// `tan(b/2) / tan(a/2) >= b / a` for b >= a since tan(x) / x increases. For beta < alpha exchange the roles.
 ///
-/// In floats: angles enter with their errors. Edges whose image triangles are degenerate or folded bound nothing.
+/// Checked by `check::factor`. Edges whose image triangles are degenerate or folded bound nothing.
 pub fn edge_ratio(domain: &Domain, edges: &BoundaryEdges, image: BoundaryImage) -> Option<LowerBound> {
     let (ratio, ends) =
         strongest(edges.edges().iter().filter_map(|edge| Some((angle_ratio(edge, image)?, edge.ends))))?;
@@ -36,8 +33,8 @@ pub fn edge_ratio(domain: &Domain, edges: &BoundaryEdges, image: BoundaryImage) 
 fn angle_ratio(edge: &BoundaryEdge, image: BoundaryImage) -> Option<f64> {
     let (domain, principal) = (edge.angle(), edge.image_angle(image.positions())?);
     image
-        .possible_angles(principal, domain, PI * edge.fan.len() as f64)
+        .possible_angles(principal, domain, half_turns(edge.fan.len()))
         .map(|beta| factor(beta, domain))
         .reduce(f64::min)
-        .and_then(|ratio| rounded_down(ratio, 0.0))
+        .filter(|ratio| ratio.is_finite())
 }

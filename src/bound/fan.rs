@@ -1,9 +1,11 @@
 //! The fan bound: dihedral angles of the tets around a boundary edge (bounds.md B2, B3.1).
 
-use std::f64::consts::PI;
-
-use super::{BoundaryImage, Kind, LowerBound, Place, three_halves_power, with_inner_and_outer};
+use super::boundary_image::half_turns;
+use super::check::fan::{exceeds, half_tangent};
+use super::check::three_halves_power;
+use super::{BoundaryImage, Kind, LowerBound, Place, with_inner_and_outer};
 use crate::domain::Domain;
+use crate::linalg::interval::Interval;
 use crate::mesh::angle::Angle;
 use crate::mesh::{BoundaryEdge, BoundaryEdges};
 
@@ -22,9 +24,8 @@ use crate::mesh::{BoundaryEdge, BoundaryEdges};
 /// `H >= tau = max(tan(b/2) / tan(a/2), its inverse)`, attained. *Fan*: H <= tau on all its tets confines each b_i to
 /// `[2 atan(tan(a_i/2) / tau), 2 atan(tau tan(a_i/2))]`, and both ends' sums are strictly monotone in tau.
 ///
-/// In floats: the root is bracketed by bisection and the lower end taken, after moving both sides of the equation
-/// towards each other by their errors (the derivative of the sums by an angle is at most tau). Edges whose image
-/// triangles are degenerate or folded bound nothing; there is no bound if all edges keep their angle.
+/// Checked by `check::fan::exceeds`, which the root is found with by bisection. Edges whose image triangles are degenerate or
+/// folded bound nothing; there is no bound if all edges keep their angle.
 pub fn fan(domain: &Domain, edges: &BoundaryEdges, image: BoundaryImage) -> Option<LowerBound> {
     let (mut best, mut ends) = (1.0, None);
     for edge in edges.edges() {
@@ -48,43 +49,28 @@ fn edge_stretch(edge: &BoundaryEdge, image: BoundaryImage, floor: f64) -> Option
     let principal = edge.image_angle(image.positions())?;
     let angles: Vec<Angle> = edge.fan.iter().map(|&(_, angle)| angle).collect();
     image
-        .possible_angles(principal, edge.angle(), PI * angles.len() as f64)
+        .possible_angles(principal, edge.angle(), half_turns(edge.fan.len()))
         .map(|beta| fan_stretch(&angles, beta, floor))
         .reduce(f64::min)
 }
 
 /// A lower end for the root tau >= 1 of the fan equation with domain angles `angles` and image angle `image`, or `floor`
-/// if the root is below it.
+/// if the root is not shown to be above it.
 fn fan_stretch(angles: &[Angle], image: Angle, floor: f64) -> f64 {
-    let domain: Angle = angles.iter().copied().sum();
-    // The errors of the angles, and 4 eps for each arc tangent.
-    let uncertainty: f64 = angles.iter().map(|angle| angle.error + 4.0 * PI * f64::EPSILON).sum();
-    let tangents: Vec<f64> = angles.iter().map(|angle| (angle.value / 2.0).tan()).collect();
-    let opens = image.lower() > domain.upper();
-    let closes = image.upper() < domain.lower();
-    if !opens && !closes {
+    let alpha: Angle = angles.iter().copied().sum();
+    let half_tangents: Vec<Interval> = angles.iter().map(|&angle| half_tangent(angle)).collect();
+    let exceeds = |tau: f64| exceeds(&half_tangents, alpha, image, tau);
+    if !exceeds(floor) {
         return floor;
     }
-    // Increasing in tau, and <= 0 only below the root.
-    let excess = |tau: f64| {
-        if opens {
-            tangents.iter().map(|tangent| 2.0 * (tau * tangent).atan()).sum::<f64>() + tau * uncertainty - image.lower()
-        } else {
-            image.upper() - tangents.iter().map(|tangent| 2.0 * (tangent / tau).atan()).sum::<f64>() + tau * uncertainty
-        }
-    };
-    let mut low = floor;
-    if excess(low) > 0.0 {
-        return floor;
-    }
-    // Ends: the uncertainty alone makes the excess positive for tau of the order of its inverse.
-    let mut high = 2.0 * low;
-    while excess(high) <= 0.0 {
+    let (mut low, mut high) = (floor, 2.0 * floor);
+    // Ends: intervals of angles do not exclude all tau.
+    while high.is_finite() && exceeds(high) {
         (low, high) = (high, 2.0 * high);
     }
     while high > low * (1.0 + 4.0 * f64::EPSILON) {
         let middle = 0.5 * (low + high);
-        if excess(middle) <= 0.0 { low = middle } else { high = middle }
+        if exceeds(middle) { low = middle } else { high = middle }
     }
     low
 }
@@ -95,7 +81,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn exactly(value: f64) -> Angle {
-        Angle { value, error: 0.0 }
+        Angle::within(Interval::exactly(value))
     }
 
     #[test]

@@ -19,15 +19,16 @@
 //!   scope [`Scope::MeshFixedBoundary`] hold, but for maps with these positions alone. The vertex bound with a free boundary
 //!   is false.
 //!
-//! Rounding: each value is lowered by a first-order bound on the error of its own computation (angles carry theirs, see
-//! [`crate::mesh::angle::Angle`]), so that it does not exceed the true bound. That is a generous error analysis and not
-//! interval arithmetic with directed rounding. Degenerate images (a collapsed or folded triangle) bound nothing there:
-//! the place is passed over.
+//! Rounding: a value that is called proved is one that a small checker in interval arithmetic accepted (`check`, which says what
+//! has to be believed), whatever the search for it did. Degenerate images (a collapsed or folded triangle) bound nothing
+//! there: the place is passed over; and so does a tet too thin for the intervals, or less.
 
 mod apex;
 mod boundary_image;
 mod caraman;
 pub mod certificate;
+mod check;
+mod contradiction;
 mod edge_limit;
 mod edge_ratio;
 mod end_fan;
@@ -48,6 +49,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 pub use apex::apex;
 pub use boundary_image::BoundaryImage;
 pub use caraman::caraman;
+pub use contradiction::{Contradiction, confront};
 pub use edge_limit::edge_limit;
 pub use edge_ratio::edge_ratio;
 pub use end_fan::end_fan;
@@ -268,17 +270,6 @@ fn is_inscribed(domain: &Domain, image: &[Vec3]) -> bool {
     let least = radii().fold(f64::INFINITY, f64::min);
     // False for NaN, which the minimum passes over.
     least.is_finite() && radii().all(|radius| radius <= least * (1.0 + 1e-5))
-}
-
-/// `value * (1 - relative_error)`, at least 1 (every dilatation is), or nothing if it is not finite.
-fn rounded_down(value: f64, relative_error: f64) -> Option<f64> {
-    let lowered = value * (1.0 - relative_error);
-    lowered.is_finite().then_some(lowered.max(1.0))
-}
-
-/// `h^(3/2)`, at least 1, rounded down: the bound on K that a bound h on H = s1 / s3 gives.
-fn three_halves_power(h: f64) -> f64 {
-    (h * h.sqrt() * (1.0 - 4.0 * f64::EPSILON)).max(1.0)
 }
 
 /// The clause for a bound on H, which bounds K_I and K_O as well; rounded down like the bound itself.

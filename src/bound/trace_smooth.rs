@@ -1,6 +1,7 @@
 //! The trace bound of the smooth problem with the radial boundary values (bounds.md B1, [QC-fix]).
 
-use super::{Kind, LowerBound, Place, Scope, rounded_down, strongest, three_halves_power};
+use super::check::{linear::slant, three_halves_power};
+use super::{Kind, LowerBound, Place, Scope, strongest};
 use crate::domain::Domain;
 use crate::mesh::{Vec3, VertexId};
 
@@ -22,24 +23,13 @@ use crate::mesh::{Vec3, VertexId};
 /// linear boundary values M, and the energy of plane waves cos(eta . y) gives
 /// `K_O >= |M^T eta|^2 / (|eta|^2 r1 r2)` and K_I at least its inverse, hence both >= r.
 ///
-/// In floats: h is the distance to the plane, and r is lowered by 64 eps times the condition of the triangle times r.
+/// Checked by `check::linear::slant`.
 pub fn trace_smooth(domain: &Domain, centre: Vec3) -> Vec<LowerBound> {
     let mesh = domain.mesh();
     let ratios = domain.boundary().triangles().iter().flat_map(|triangle| {
-        let [a, b, c] = triangle.map(|v: VertexId| mesh.points()[v.index()] - centre);
-        let (first, second) = (b - a, c - a);
-        let normal = first.cross(&second);
-        let condition = (first.norm_squared() + second.norm_squared()) / normal.norm();
-        // The distance is the same from each corner; the nearest one rounds least.
-        let nearest = [a, b, c].into_iter().fold(a, |best, p| if p.norm() < best.norm() { p } else { best });
-        let height = normal.normalize().dot(&nearest);
-        [a, b, c].into_iter().filter_map(move |p| {
-            let ratio = p.norm() / height;
-            let relative_error = 64.0 * f64::EPSILON * condition * ratio;
-            // Also false for NaN.
-            let resolved = height > 0.0 && relative_error < 1.0;
-            Some((resolved.then(|| rounded_down(ratio, relative_error))??, *triangle))
-        })
+        let [a, b, c] = triangle.map(|v: VertexId| mesh.points()[v.index()]);
+        let corners = [[a, b, c], [b, c, a], [c, a, b]].into_iter();
+        corners.filter_map(move |corner| Some((slant(corner, &centre)?, *triangle)))
     });
     let Some((ratio, triangle)) = strongest(ratios) else {
         return Vec::new();

@@ -1,8 +1,7 @@
 //! The vertex bound: solid angles of a boundary vertex's star (bounds.md B4.4).
 
-use std::f64::consts::TAU;
-
-use super::boundary_image::factor;
+use super::boundary_image::half_turns;
+use super::check::factor;
 use super::{BoundaryImage, Kind, LowerBound, Place, strongest};
 use crate::domain::Domain;
 use crate::mesh::angle::{Angle, tet_solid_angle};
@@ -22,7 +21,7 @@ use crate::mesh::{BoundaryEdges, VertexId};
 /// omega' >= omega more turns only help; where omega' < omega and more turns cannot be excluded ([`BoundaryImage`]), the
 /// value is the least over all of them and claimed for K alone.
 ///
-/// In floats: angles enter with their errors. Vertices with a degenerate or folded image triangle, or where the boundary
+/// Checked by `check::factor`. Vertices with a degenerate or folded image triangle, or where the boundary
 /// is not a manifold, bound nothing.
 pub fn vertex(domain: &Domain, edges: &BoundaryEdges, image: BoundaryImage) -> Vec<LowerBound> {
     let stars = stars(domain, edges, image);
@@ -61,7 +60,7 @@ struct Star {
 
 impl Star {
     fn bound(&self, image: BoundaryImage) -> Option<(Kind, f64)> {
-        let limit = TAU * self.tets as f64;
+        let limit = half_turns(2 * self.tets);
         let (principal, domain) = (self.principal, self.domain);
         let value =
             image.possible_angles(principal, domain, limit).map(|angle| factor(angle, domain)).reduce(f64::min)?;
@@ -153,9 +152,9 @@ mod tests {
                 continue;
             };
             let angle = expected[vertex].unwrap();
-            assert!((star.principal.value - angle.value).abs() <= star.principal.error + angle.error);
-            assert!(star.principal.error < 1e-11);
+            assert!(star.principal.lower() <= angle.upper() && angle.lower() <= star.principal.upper());
+            assert!(star.principal.upper() - star.principal.lower() < 1e-11);
         }
-        assert!(stars[7].as_ref().is_some_and(|star| star.domain.lower() > TAU));
+        assert!(stars[7].as_ref().is_some_and(|star| star.domain.lower() > std::f64::consts::TAU));
     }
 }

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use super::boundary_image::factor;
+use super::check::factor;
 use super::vertex::domain_solid_angles;
 use super::{Kind, LowerBound, Place, Scope, strongest};
 use crate::domain::Domain;
@@ -21,9 +21,9 @@ use crate::mesh::angle::Angle;
 /// integrating along the rays gives M' >= 2 pi / (log(b / a) + O(1))^2. From M' <= K_I M, a -> 0, the first claim; the
 /// second from the same for the inverse map.
 ///
-/// In floats: omega enters with its rounding error.
+/// Checked by `check::factor`.
 pub fn vertex_smooth(domain: &Domain) -> Vec<LowerBound> {
-    let half_space = Angle { value: TAU, error: TAU * f64::EPSILON };
+    let half_space = Angle::ZERO.plus_half_turns(2);
     let angles = domain_solid_angles(domain);
     let of = |kind: Kind, wanted: fn(Angle) -> bool| {
         let vertices = (0..).map(VertexId).zip(&angles).filter_map(|(vertex, angle)| Some((vertex, (*angle)?)));

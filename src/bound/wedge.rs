@@ -2,9 +2,11 @@
 
 use std::f64::consts::PI;
 
-use super::{Kind, LowerBound, Place, Scope, rounded_down, strongest};
+use super::check::factor;
+use super::{Kind, LowerBound, Place, Scope, strongest};
 use crate::domain::Domain;
 use crate::mesh::BoundaryEdges;
+use crate::mesh::angle::Angle;
 
 /// `K_I >= pi / alpha` for every quasi-conformal homeomorphism of the solid onto the ball, alpha the least dihedral angle
 /// of a convex edge; nothing for a solid without convex edges.
@@ -19,12 +21,11 @@ use crate::mesh::BoundaryEdges;
 /// It is **not** a bound for a piecewise-linear map onto a polyhedron inscribed in the ball, whose dihedral angle beta at
 /// the edge's image is not pi (below it if convex): there [`super::edge_ratio()`] and [`super::fan()`] use the actual beta.
 ///
-/// In floats: alpha is taken with its rounding error added.
+/// Checked by `check::factor`.
 pub fn wedge(domain: &Domain, edges: &BoundaryEdges) -> Option<LowerBound> {
-    let convex = edges.edges().iter().filter(|edge| edge.angle().upper() < PI);
-    let ratios =
-        convex.filter_map(|edge| Some((rounded_down(PI / edge.angle().upper(), 2.0 * f64::EPSILON)?, edge.ends)));
-    let (value, ends) = strongest(ratios)?;
+    let convex = edges.edges().iter().map(|edge| (edge.angle(), edge.ends)).filter(|(angle, _)| angle.upper() < PI);
+    let openings = convex.map(|(angle, ends)| (factor(Angle::ZERO.plus_half_turns(1), angle), ends));
+    let (value, ends) = strongest(openings)?;
     Some(LowerBound {
         name: "wedge",
         source: "paper eq. 39, 44",

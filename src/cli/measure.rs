@@ -11,10 +11,10 @@ use super::interrupt::cancel_on_signal;
 use super::output::{note, print};
 use super::{Ending, Failure};
 use crate::bound::certificate::{self, DEFAULT_TIME_LIMIT};
-use crate::bound::{self, LowerBound};
+use crate::bound::{self, LowerBound, confront};
 use crate::dilatation::number;
 use crate::estimate::{self, Estimate, EstimateSummary, Estimator, Weights};
-use crate::experiment::GivenMap;
+use crate::experiment::{GivenMap, RunError};
 use crate::measure::{BallDilatation, Summary, measure_onto_ball};
 use crate::report::{BallFigures, BestBound, Limit, ball_lines, bounds_table, dilatations, to_json, write_certificate};
 
@@ -178,6 +178,8 @@ pub(super) fn bound_map(arguments: &BoundArguments) -> Result<Ending, Failure> {
         }
         bounds.extend(bound);
     }
+    let files = format!("{} and {}", rest.display(), arguments.map.image.display());
+    confront(&bounds, &domain, &image, &summary, &files).map_err(RunError::from)?;
     bounds.iter_mut().for_each(|bound| bound.place = bound.place.take().map(|place| unit.give_back_place(place)));
     let best = BestBound::of(&bounds, max_k);
     let limit = Limit::of(max_k, &bounds, None);

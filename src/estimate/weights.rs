@@ -3,7 +3,6 @@
 use serde::{Deserialize, Serialize};
 
 use crate::domain::edge_matrix;
-use crate::mesh::angle::tet_solid_angle;
 use crate::mesh::{Cells, Vec3};
 
 /// How much each cell at a vertex counts (paper Table 1); the weights are normalized to the sum 1.
@@ -28,7 +27,7 @@ impl Weights {
     pub(super) fn of(self, cells: Cells, cell: usize, corner: usize, domain: &[Vec3]) -> f64 {
         let solid_angle = || {
             let at = |corner: usize| &domain[cells.vertices(cell)[corner].index()];
-            tet_solid_angle(at(corner), cells.neighbours(corner).map(at)).value
+            solid_angle_of(at(corner), cells.neighbours(corner).map(at))
         };
         match self {
             Self::Equal => 1.0,
@@ -37,6 +36,13 @@ impl Weights {
             Self::SolidAnglePerMeasure => solid_angle() / measure(cells, cell, domain),
         }
     }
+}
+
+/// The solid angle of the cone at `apex` over three points, in steradians; van Oosterom and Strackee 1983:
+/// `tan(omega / 2) = |a . (b x c)| / (1 + a.b + b.c + c.a)` with unit vectors.
+fn solid_angle_of(apex: &Vec3, points: [&Vec3; 3]) -> f64 {
+    let [a, b, c] = points.map(|p| (p - apex).normalize());
+    2.0 * a.dot(&b.cross(&c)).abs().atan2(1.0 + a.dot(&b) + b.dot(&c) + c.dot(&a))
 }
 
 /// The signed volume of a cell: of a tet by eq. 24, of a hexahedron (corners in binary order) by eq. 25, which is exact where

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use crate::bound::Contradiction;
 use crate::map::RayError;
 use crate::map::analytic::MapError;
 use crate::mesh::io::ReadError;
@@ -26,6 +27,9 @@ pub enum RunError {
         /// What is wrong.
         fault: Fault,
     },
+    /// An error of the program: no result.
+    #[error(transparent)]
+    Contradiction(#[from] Box<Contradiction>),
     /// Two meshes do not belong together.
     #[error(
         "{} and {} are not meshes with the same connectivity: {difference}; a map is given by a mesh and the same mesh with \
@@ -118,6 +122,9 @@ pub enum Fault {
     /// The optimisation could not start.
     #[error(transparent)]
     Optimize(#[from] OptimizeError),
+    /// An error of the program: no result.
+    #[error(transparent)]
+    Contradiction(#[from] Box<Contradiction>),
 }
 
 impl RunError {

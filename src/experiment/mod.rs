@@ -8,6 +8,7 @@ mod start;
 use std::time::Instant;
 
 use crate::bound::certificate::{self, Certificate};
+use crate::bound::confront;
 use crate::cancel::Cancel;
 use crate::config::Plan;
 use crate::domain::Domain;
@@ -99,6 +100,8 @@ fn stages(plan: &Plan, observe: &mut dyn FnMut(&TraceRow)) -> Result<Finished, R
     let search = |limit| certificate::search(domain, &outcome.positions, &cancel.within(limit));
     let certificate = plan.certify.and_then(search);
     let bounds = bounds(&start, &outcome.positions, certificate.as_ref(), cancel);
+    let files = format!("{} and the files it names", plan.source.path().display());
+    confront(&bounds, domain, &outcome.positions, &measured.summary, &files)?;
     let course = Course {
         untangling: UntanglingFigures::of(domain, measured_initial.summary.flipped, &untangled),
         stop: interrupted(cancel).unwrap_or(outcome.stop),

@@ -6,7 +6,7 @@ use std::time::Instant;
 use super::error::{Fault, RunError};
 use super::interrupted;
 use super::record::Course;
-use crate::bound;
+use crate::bound::{self, confront};
 use crate::domain::Domain;
 use crate::measure::measure_onto_ball;
 use crate::mesh::io::{ReadError, read_tets};
@@ -131,7 +131,7 @@ pub struct OptimizedMap {
 /// leave the boundary as it is, unless `keep_mesh` or `fixed` is given.
 ///
 /// # Errors
-/// A system that cannot be held, or a split that rounding made flat.
+/// A system that cannot be held, or a split that rounding made flat; a bound that the map contradicts, an error of the program.
 pub fn optimize_map(
     map: GivenMap,
     fixed: Option<Vec<bool>>,
@@ -161,6 +161,7 @@ pub fn optimize_map(
     } else {
         Vec::new()
     };
+    confront(&bounds, &domain, &outcome.positions, &after.summary, "the files of the domain and of its image")?;
     bounds.iter_mut().for_each(|bound| bound.place = bound.place.take().map(|place| unit.give_back_place(place)));
     let course = Course {
         untangling: UntanglingFigures::of(&domain, before.summary.flipped, &untangled),

@@ -1,53 +1,49 @@
-//! Dihedral and solid angles, each with a bound on its own rounding error.
+//! Dihedral and solid angles, enclosed.
 
-use std::f64::consts::{PI, TAU};
 use std::iter::Sum;
 use std::ops::Add;
 
 use super::Vec3;
+use crate::linalg::interval::{Interval, cross, difference, dot, norm_squared};
 
-/// An angle in radians or steradians that is known up to `error`: the true one lies in `[lower(), upper()]`.
-///
-/// The error is a first-order bound on rounding, taken generously (see `UNIT_VECTOR_ERROR`), not interval arithmetic
-/// with directed rounding. It is infinite where the angle is not defined (a degenerate triangle, say).
+/// An angle in radians or steradians: the true one lies in `[lower(), upper()]`, all rounding accounted for, the positions it
+/// was computed from being exact.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Angle {
-    /// The computed angle.
-    pub value: f64,
-    /// Bound on |computed - true|.
-    pub error: f64,
-}
-
-/// Absolute error allowed for a product of three unit vectors, each the normalized difference of two positions: about
-/// 4 eps a factor and 5 eps for the products and sums, hence below 20 eps in all.
-const UNIT_VECTOR_ERROR: f64 = 32.0 * f64::EPSILON;
+pub struct Angle(Interval);
 
 impl Angle {
     /// No angle at all.
-    pub const ZERO: Self = Self { value: 0.0, error: 0.0 };
+    pub const ZERO: Self = Self(Interval::ZERO);
+
+    /// The angle that lies in an interval.
+    #[cfg(test)]
+    pub(crate) const fn within(interval: Interval) -> Self {
+        Self(interval)
+    }
 
     /// The least value the angle can have.
     pub fn lower(self) -> f64 {
-        self.value - self.error
+        self.0.lower
     }
 
     /// The largest value the angle can have.
     pub fn upper(self) -> f64 {
-        self.value + self.error
+        self.0.upper
     }
 
-    /// The angle with `multiple * pi` added, the rounding of which joins the error.
+    /// The middle of these; NaN for an angle that is not defined.
+    pub fn value(self) -> f64 {
+        self.0.middle()
+    }
+
+    /// All values the angle can have.
+    pub(crate) fn interval(self) -> Interval {
+        self.0
+    }
+
+    /// The angle with `multiple * pi` added.
     pub fn plus_half_turns(self, multiple: i64) -> Self {
-        let shift = multiple as f64 * PI;
-        self + Self { value: shift, error: shift.abs() * f64::EPSILON }
-    }
-
-    /// The angle `atan2(sine, cosine)` when both have an error of at most [`UNIT_VECTOR_ERROR`].
-    fn from_sine_cosine(sine: f64, cosine: f64) -> Self {
-        let value = sine.atan2(cosine);
-        let error = 2.0 * UNIT_VECTOR_ERROR / sine.hypot(cosine) + f64::EPSILON * value.abs();
-        // NaN arises from coincident points only.
-        if error.is_finite() { Self { value, error } } else { Self { value: 0.0, error: f64::INFINITY } }
+        Self(self.0 + Interval::exactly(multiple as f64) * Interval::PI)
     }
 }
 
@@ -55,8 +51,7 @@ impl Add for Angle {
     type Output = Self;
 
     fn add(self, other: Self) -> Self {
-        let value = self.value + other.value;
-        Self { value, error: self.error + other.error + f64::EPSILON * value.abs() }
+        Self(self.0 + other.0)
     }
 }
 
@@ -66,39 +61,62 @@ impl Sum for Angle {
     }
 }
 
+/// Cosine and sine, both times the same positive number, of the angle by which the half-plane at an edge through `from` turns
+/// onto the one through `to`: with the edge e and u, v from its start `(e x u) . (e x v)` and `|e| e . (u x v)`.
+fn turn(edge: [&Vec3; 2], from: &Vec3, to: &Vec3) -> [Interval; 2] {
+    let direction = difference(edge[1], edge[0]);
+    let (u, v) = (difference(from, edge[0]), difference(to, edge[0]));
+    let sine = norm_squared(direction).sqrt() * dot(direction, cross(u, v));
+    [dot(cross(direction, u), cross(direction, v)), sine]
+}
+
 /// The angle in `[0, 2 pi)` by which the half-plane at the edge through `from` turns, counter-clockwise seen against the
 /// direction `edge[0] -> edge[1]`, onto the one through `to`.
 ///
-/// With unit vectors e along the edge and u, v from its start: `atan2(e . (u x v), (e x u) . (e x v))`. Both arguments
-/// carry the factor |e x u||e x v|, so a point near the edge's line makes the error grow, and one on it infinite.
+/// Below 0, too, where 0 and a whole turn cannot be told apart; unbounded where a point may lie on the edge's line.
 pub fn dihedral_angle(edge: [&Vec3; 2], from: &Vec3, to: &Vec3) -> Angle {
-    let direction = (edge[1] - edge[0]).normalize();
-    let (u, v) = ((from - edge[0]).normalize(), (to - edge[0]).normalize());
-    let angle = Angle::from_sine_cosine(direction.dot(&u.cross(&v)), direction.cross(&u).dot(&direction.cross(&v)));
-    if angle.value < 0.0 { angle + Angle { value: TAU, error: 0.0 } } else { angle }
+    let [cosine, sine] = turn(edge, from, to);
+    let angle = Angle(Interval::angle(cosine, sine));
+    if angle.upper() < 0.0 { angle.plus_half_turns(2) } else { angle }
 }
 
-/// The dihedral angle of a positively oriented tet at the edge opposite to the points `from` and `to`, in `[0, pi]`.
+/// The dihedral angle of a tet at the edge opposite to the points `from` and `to`, in `[0, pi]`.
 ///
 /// The caller need not know which of the two comes first: the angle of a tet is below pi.
 pub fn tet_dihedral_angle(edge: [&Vec3; 2], from: &Vec3, to: &Vec3) -> Angle {
-    let angle = dihedral_angle(edge, from, to);
-    if angle.value > PI { Angle { value: TAU - angle.value, error: angle.error } } else { angle }
+    let [cosine, sine] = turn(edge, from, to);
+    Angle(up_to_pi(Interval::angle(cosine, sine.abs())))
 }
 
 /// The solid angle of the trihedral cone at `apex` over the points a, b, c, in `[0, 2 pi]` steradians, irrespective of
 /// their order.
 ///
-/// van Oosterom and Strackee 1983: with unit vectors, `tan(omega / 2) = |a . (b x c)| / (1 + a.b + b.c + c.a)`.
-pub fn tet_solid_angle(apex: &Vec3, [a, b, c]: [&Vec3; 3]) -> Angle {
-    let [a, b, c] = [a, b, c].map(|p| (p - apex).normalize());
-    let half = Angle::from_sine_cosine(a.dot(&b.cross(&c)).abs(), 1.0 + a.dot(&b) + b.dot(&c) + c.dot(&a));
+/// van Oosterom and Strackee 1983: `tan(omega / 2) = |a . (b x c)| / (|a||b||c| + (a.b)|c| + (b.c)|a| + (c.a)|b|)` with the
+/// vectors from the apex.
+pub fn tet_solid_angle(apex: &Vec3, points: [&Vec3; 3]) -> Angle {
+    let [a, b, c] = points.map(|p| difference(p, apex));
+    let [la, lb, lc] = [a, b, c].map(|v| norm_squared(v).sqrt());
+    let along = la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb;
+    let half = Angle(up_to_pi(Interval::angle(along, dot(a, cross(b, c)).abs())));
     half + half
+}
+
+/// The part of an angle that lies in `[0, pi]`, as the angle is known to.
+fn up_to_pi(angle: Interval) -> Interval {
+    angle.within(Interval { lower: 0.0, upper: Interval::PI.upper })
 }
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::PI;
+
     use super::*;
+
+    fn encloses(angle: Angle, expected: f64) -> bool {
+        // The expected value has a rounding error of its own.
+        let room = 4.0 * f64::EPSILON;
+        angle.lower() <= expected + room && expected - room <= angle.upper() && angle.upper() - angle.lower() < 1e-13
+    }
 
     #[test]
     fn dihedral_angles_turn_once_around() {
@@ -106,9 +124,10 @@ mod tests {
         for degrees in [0.001f64, 30.0, 90.0, 179.0, 181.0, 270.0, 359.9] {
             let true_angle = degrees.to_radians();
             // Heights along the edge must not matter.
-            let to = Vec3::new(3.0 * true_angle.cos(), 3.0 * true_angle.sin(), -0.7);
-            let angle = dihedral_angle(edge, &Vec3::new(2.0, 0.0, 0.4), &to);
-            assert!((angle.value - true_angle).abs() <= angle.error && angle.error < 1e-13, "{degrees} {angle:?}");
+            let (from, to) =
+                (Vec3::new(2.0, 0.0, 0.4), Vec3::new(3.0 * true_angle.cos(), 3.0 * true_angle.sin(), -0.7));
+            assert!(encloses(dihedral_angle(edge, &from, &to), true_angle), "{degrees}");
+            assert!(encloses(tet_dihedral_angle(edge, &to, &from), true_angle.min(2.0 * PI - true_angle)), "{degrees}");
         }
     }
 
@@ -116,7 +135,8 @@ mod tests {
     fn points_on_the_line_of_the_edge_have_no_dihedral_angle() {
         let edge = [&Vec3::zeros(), &Vec3::z()];
         for from in [Vec3::zeros(), Vec3::z() * 2.0] {
-            assert_eq!(dihedral_angle(edge, &from, &Vec3::x()).error, f64::INFINITY);
+            assert_eq!(dihedral_angle(edge, &from, &Vec3::x()).interval(), Interval::WHOLE);
+            assert!(tet_dihedral_angle(edge, &from, &Vec3::x()).value() > 1.5);
         }
     }
 
@@ -124,9 +144,16 @@ mod tests {
     fn solid_angles_of_an_octant_and_of_the_regular_tetrahedron() {
         let octant =
             tet_solid_angle(&Vec3::x(), [&(Vec3::x() * 2.0), &Vec3::new(1.0, 5.0, 0.0), &Vec3::new(1.0, 0.0, 0.1)]);
-        assert!((octant.value - PI / 2.0).abs() <= octant.error && octant.error < 1e-13);
+        assert!(encloses(octant, PI / 2.0), "{octant:?}");
         let [p, q, r, s] = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]].map(Vec3::from);
-        let regular = tet_solid_angle(&p, [&q, &s, &r]);
-        assert!((regular.value - (23.0f64 / 27.0).acos()).abs() <= regular.error && regular.error < 1e-13);
+        assert!(encloses(tet_solid_angle(&p, [&q, &s, &r]), (23.0f64 / 27.0).acos()));
+    }
+
+    #[test]
+    fn needles_keep_their_small_angles() {
+        // Sides of 1 around a base of 1e-6: the solid angle is 1e-12 / 2 to first order, the next one 1e-12 of that.
+        let [a, b] = [Vec3::new(1.0, 1e-6, 0.0), Vec3::new(1.0, 0.0, 1e-6)];
+        let angle = tet_solid_angle(&Vec3::zeros(), [&Vec3::x(), &a, &b]);
+        assert!((angle.value() / 5e-13 - 1.0).abs() < 1e-9 && angle.lower() > 0.0, "{angle:?}");
     }
 }

@@ -34,7 +34,7 @@ impl Features {
     /// there; 0 in flat faces and on straight edges, whatever their dihedral angle) exceeds 30 degrees in size, as at
     /// the tip of a finely triangulated cone.
     pub fn of(mesh: &TetMesh, boundary: &Boundary, edges: &BoundaryEdges) -> Self {
-        let deviations: Vec<f64> = edges.edges().iter().map(|edge| edge.angle().value - PI).collect();
+        let deviations: Vec<f64> = edges.edges().iter().map(|edge| edge.angle().value() - PI).collect();
         let sharp_edges: Vec<bool> = deviations.iter().map(|deviation| deviation.abs() > SHARP).collect();
 
         let mut sharp_at = vec![0; mesh.points().len()];

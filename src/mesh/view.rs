@@ -28,12 +28,12 @@ impl View {
                 return Self::FacesAway(index);
             }
             seen = seen + tet_solid_angle(centre, [a, b, c]);
-            // The sum is a multiple of 4 pi, so less than half of that is error enough to tell which.
-            if seen.error >= TAU {
+            // The sum is a multiple of 4 pi, so that less than that tells which.
+            if seen.upper() - seen.lower() >= TAU {
                 return Self::FacesAway(index);
             }
         }
-        Self::Covers((seen.value / (4.0 * PI)).round() as i64)
+        Self::Covers((seen.value() / (4.0 * PI)).round() as i64)
     }
 }
 

@@ -2,9 +2,10 @@
 
 use super::Rejection;
 use super::multipliers::Multipliers;
+use crate::bound::check::gradients;
 use crate::domain::Domain;
 use crate::linalg::BlockCholesky;
-use crate::linalg::interval::{Interval, cross, dot};
+use crate::linalg::interval::{Interval, cross, difference, dot};
 use crate::mesh::{TetId, Vec3, VertexId};
 
 /// Solutions of the maximiser with the gradient taken anew: the factor is that of a shifted matrix.
@@ -147,7 +148,7 @@ impl<'a> Checker<'a> {
                     image[vertex.index()] = corner_of_box([low, high], corner);
                     largest = largest.max(self.maximum(&forms, &image)?);
                 }
-                let half_widths = difference(high, low).map(|width| width * Interval::exactly(0.5));
+                let half_widths = difference(&high, &low).map(|width| width * Interval::exactly(0.5));
                 let curvature = self.curvature(&forms, vertex);
                 let loss = Interval::exactly((-curvature.lower).max(0.0)) * dot(half_widths, half_widths);
                 (Interval::exactly(largest) + loss).upper
@@ -287,7 +288,7 @@ impl<'a> Checker<'a> {
         let corners = self.domain.mesh().tets()[self.tets[index].index()];
         let fixed: Vec<usize> = (0..4).filter(|&i| self.unknowns[index][i].is_none()).collect();
         let [first, second] = fixed[..] else { return [Interval::ZERO; 3] };
-        let edge = difference(image[corners[second].index()], image[corners[first].index()]);
+        let edge = difference(&image[corners[second].index()], &image[corners[first].index()]);
         // The gradients add up to zero, so that those of the two fixed corners have opposite products with the vector.
         let share = dot(self.gradients[index][second], vector);
         edge.map(|entry| entry * share)
@@ -301,7 +302,7 @@ impl<'a> Checker<'a> {
             forms.iter().zip(&self.gradients).zip(&self.unknowns).zip(&self.tets)
         {
             let corners = self.domain.mesh().tets()[tet.index()].map(|v| positions[v.index()]);
-            let edges = [1, 2, 3].map(|i| difference(corners[i], corners[0]));
+            let edges = [1, 2, 3].map(|i| difference(&corners[i], &corners[0]));
             let jacobian: Matrix = [0, 1, 2].map(|coordinate| {
                 [0, 1, 2].map(|j| dot(edges.map(|edge| edge[coordinate]), [1, 2, 3].map(|i| gradients[i][j])))
             });
@@ -368,17 +369,4 @@ fn pairs(unknowns: &[Option<u32>; 4]) -> impl Iterator<Item = (usize, usize, u32
             (row >= column).then_some((i, j, row, column))
         })
     })
-}
-
-fn difference(a: Vec3, b: Vec3) -> [Interval; 3] {
-    [0, 1, 2].map(|i| Interval::exactly(a[i]) - Interval::exactly(b[i]))
-}
-
-/// The gradients of the barycentric coordinates; nothing if intervals cannot tell the volume from zero.
-fn gradients([x0, x1, x2, x3]: [Vec3; 4]) -> Option<[[Interval; 3]; 4]> {
-    let [a, b, c] = [x1, x2, x3].map(|x| difference(x, x0));
-    let normals = [cross(b, c), cross(c, a), cross(a, b)];
-    let inverse = dot(a, normals[0]).reciprocal()?;
-    let [g1, g2, g3] = normals.map(|normal| normal.map(|entry| entry * inverse));
-    Some([[0, 1, 2].map(|i| -(g1[i] + g2[i] + g3[i])), g1, g2, g3])
 }

@@ -70,7 +70,7 @@ impl Multipliers {
     /// rounded to the safe side. The nuclear norm of `W = X Y^T` is at most half the sum of the squares of all entries of X
     /// and Y.
     pub(super) fn satisfy_the_trace_condition(&self, level: f64) -> bool {
-        let root = Interval { lower: cube_root_below(level), upper: cube_root_above(level) };
+        let root = Interval::exactly(level).cbrt();
         let square = root * root;
         let squares = |entries: &[f64]| {
             let squares = entries.iter().map(|&entry| Interval::exactly(entry) * Interval::exactly(entry));
@@ -78,7 +78,7 @@ impl Multipliers {
         };
         let [l11, _, l22, _, _, l33] = self.volume.map(Interval::exactly);
         let product = l11 * l22 * l33;
-        let mean = Interval::exactly(cube_root_below((product * product).lower.max(0.0)));
+        let mean = product.square().cbrt();
         let [eta, e] = self.determinant;
         let tangent = Interval::exactly(1.5) * Interval::exactly(eta) * Interval::exactly(e);
         let earned = squares(&self.lower) + square * (Interval::exactly(3.0) * mean + tangent);
@@ -117,32 +117,5 @@ impl Multipliers {
     pub(super) fn constant(&self) -> Interval {
         let [eta, e] = self.determinant.map(Interval::exactly);
         Interval::exactly(0.5) * eta * e * e * e
-    }
-}
-
-/// A number at least the cube root; that is verified, not taken from the library.
-fn cube_root_above(value: f64) -> f64 {
-    let mut root = value.cbrt();
-    loop {
-        let cube = Interval::exactly(root) * Interval::exactly(root) * Interval::exactly(root);
-        if cube.lower >= value || !root.is_finite() {
-            return root;
-        }
-        root = root.next_up();
-    }
-}
-
-/// A number at most the cube root of a number that is not negative, and not negative.
-fn cube_root_below(value: f64) -> f64 {
-    let mut root = value.cbrt();
-    loop {
-        let cube = Interval::exactly(root) * Interval::exactly(root) * Interval::exactly(root);
-        if cube.upper <= value {
-            return root;
-        }
-        if root.is_nan() || root <= f64::MIN_POSITIVE {
-            return 0.0;
-        }
-        root = root.next_down();
     }
 }

@@ -254,7 +254,7 @@ pub fn solid_angles(domain: &Domain, vertices: &[VertexId]) -> Vec<f64> {
             if let Some(&vertex) = position.get(&tet[i]) {
                 let corners = domain.mesh().corners(index);
                 let [a, b, c] = TetMesh::FACES[i].map(|k| &corners[k]);
-                angles[vertex] += crate::mesh::angle::tet_solid_angle(&corners[i], [a, b, c]).value;
+                angles[vertex] += crate::mesh::angle::tet_solid_angle(&corners[i], [a, b, c]).value();
             }
         }
     }
