@@ -184,7 +184,7 @@ pub(super) fn refine_onto_ball(mesh: &mut Triangles, centre: &Vec3, most_stretch
 
 /// K of the radial map of the triangle of three unit vectors, seen from 0, onto the sphere: sigma^3, where sigma - 1 / sigma
 /// is the tangent of the angle between the triangle's normal and a corner, the same at all three (see
-/// [`crate::measure`]). Infinite where the triangle faces away.
+/// [`mod@crate::measure`]). Infinite where the triangle faces away.
 fn stretch([a, b, c]: &[Vec3; 3]) -> f64 {
     let normal = (b - a).cross(&(c - a));
     let distance = normal.dot(a);

@@ -16,7 +16,7 @@ pub enum Refinement {
     /// Longest edges are halved until the mesh has at least this many tets.
     Cells(usize),
     /// Edges are halved, seen from the star centre, until the surface's radial image on the sphere is so fine that the radial
-    /// map of that inscribed polyhedron onto the ball has no K above this, > 1: see [`inscribed_stretch`].
+    /// map of that inscribed polyhedron onto the ball has no K above this, > 1: see [`crate::solid::inscribed_stretch`].
     Ball(f64),
 }
 
