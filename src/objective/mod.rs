@@ -12,6 +12,8 @@ mod extremes;
 mod iterate;
 mod primal_dual;
 mod soft_max;
+#[cfg(test)]
+mod tests;
 mod untangling;
 
 pub use assembly::Assembly;
@@ -20,7 +22,7 @@ pub use capped_mean::CappedMean;
 pub use element::{ElementDerivatives, Spectrum, centred_logs};
 pub use extremes::{TetFunction, log_dilatations};
 pub use iterate::Iterate;
-pub use primal_dual::{Multiplier, NearActive, PrimalDual};
+pub use primal_dual::{NearActive, PrimalDual};
 pub use soft_max::SoftMax;
 pub use untangling::Untangling;
 

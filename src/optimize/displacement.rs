@@ -6,7 +6,7 @@ use std::rc::Rc;
 use argmin::core::{CostFunction, Error, Gradient, Hessian};
 use argmin_math::ArgminDot;
 
-use super::newton::{dot, moved};
+use super::line_search::{dot, moved};
 use crate::mesh::Vec3;
 use crate::objective::{Assembly, Iterate, SoftMax};
 

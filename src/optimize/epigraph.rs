@@ -5,7 +5,8 @@ use std::cell::RefCell;
 use nlopt::{Algorithm, Nlopt, SuccessState, Target};
 
 use super::argmin_phase::half_extent;
-use super::newton::{PhaseEnd, moved};
+use super::line_search::moved;
+use super::recorder::PhaseEnd;
 use super::{Engine, Progress, Recorder};
 use crate::objective::{Assembly, Iterate};
 
@@ -42,7 +43,7 @@ pub(super) fn epigraph_phase(
     recorder: &mut Recorder<'_>,
 ) -> PhaseEnd {
     let Some(largest) = start.largest_log() else { return PhaseEnd::NoProgress };
-    let evaluations_left = (recorder.max_iterations + 1).saturating_sub(recorder.rows.len());
+    let evaluations_left = recorder.iterations_left();
     let time_left = recorder.time_left();
     let domain = assembly.domain();
     let tets = domain.mesh().tets();

@@ -1,8 +1,7 @@
 //! The largest dilatation settled region by region: few tets decide it, and only what they depend on is solved for.
 
-use super::newton::PhaseEnd;
-use super::primal_dual::{Settled, primal_dual_phase};
-use super::recorder::Recorder;
+use super::interior_point::{Settled, interior_point_phase};
+use super::recorder::{PhaseEnd, Recorder};
 use super::region::{Region, changeable};
 use super::{KktResidual, OPTIMAL};
 use crate::linalg::{Method, SparseError};
@@ -45,7 +44,7 @@ pub(super) fn minimax(
         }
         let mut part = assembly.at(region.restrict(image));
         recorder.part = Some(region.part.clone());
-        let settled = primal_dual_phase(&mut assembly, &mut part, tolerance, recorder);
+        let settled = interior_point_phase(&mut assembly, &mut part, tolerance, &region.rim(fixed), recorder);
         recorder.part = None;
         region.extend(part.image(), image);
         let kkt = settled.bound.map(|bound| over_all(whole, fixed, image, bound, &settled, &region));

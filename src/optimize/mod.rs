@@ -5,14 +5,16 @@
 
 mod argmin_phase;
 mod cancel;
+mod damping;
 mod displacement;
 mod engine;
 #[cfg(feature = "nlopt")]
 mod epigraph;
+mod interior_point;
+mod line_search;
 mod minimax;
 mod newton;
 mod polish;
-mod primal_dual;
 mod recorder;
 mod region;
 mod untangle;
@@ -28,8 +30,7 @@ use crate::objective::{Assembly, Iterate};
 pub use cancel::Cancel;
 pub use engine::{Engine, MOST_TETS_CONSERVATIVE, MOST_TETS_QUADRATIC};
 use minimax::Ending;
-use newton::PhaseEnd;
-use recorder::{Progress, Recorder};
+use recorder::{PhaseEnd, Progress, Recorder};
 pub use untangle::{Untangled, flipped_tets, untangle};
 
 /// Exponents of the continuation, each phase started from the last. Steps of about three: with larger ones the next
@@ -47,6 +48,8 @@ const SHARE_BEFORE_LAST_PHASE: f64 = 0.7;
 /// Free vertices from which the soft maxima's and the polish's systems are solved iteratively: with 1,200 that takes 0.6 to
 /// 0.9 of the time of all with a sparse factor on cube, icosa and tetra-10k, and 1.4 on bumpy-10k; with more, ever less.
 const ITERATIVE_FROM: usize = 1000;
+/// Share of the limits that is the polish's.
+const POLISH_SHARE: f64 = 0.15;
 /// Largest KKT residual that counts as optimal.
 pub(crate) const OPTIMAL: f64 = 1e-6;
 /// Fall in ln K of a step which ends all but the last phase: 2e-4 was found enough, ending earlier costs more than it
@@ -251,6 +254,8 @@ pub fn optimize(
             trace: recorder.rows,
         });
     }
+    let polished = settings.objective == Objective::Max && settings.polish == Polish::Mean;
+    recorder.reserve(if polished { POLISH_SHARE } else { 0.0 });
     // Phases look at the limit after their first step.
     let (end, kkt) = if settings.max_iterations == 0 {
         (PhaseEnd::Interrupted, None)
@@ -266,18 +271,20 @@ pub fn optimize(
     let mut image = iterate.into_image();
     if settings.objective == Objective::Max {
         image.clone_from(&recorder.best);
-        if settings.polish == Polish::Mean && end != PhaseEnd::Interrupted {
+        recorder.reserve(0.0);
+        // Below K = 1 there is nothing to gain; after a limit the map may still have a better mean, but not after a cancel.
+        let gains = recorder.best_k.ln() > settings.tolerance && recorder.iterations_left() > 0;
+        if polished && gains && stop != StopReason::Cancelled {
             let cap = recorder.best_k * (1.0 + polish::CAP);
             let before = recorder.mean_of_best;
-            let mut polished = assembly.at(recorder.best.clone());
-            let end = polish::lower_mean(&mut assembly, &mut polished, cap.ln(), &mut recorder);
-            if end == PhaseEnd::Interrupted {
+            let mut lowered = assembly.at(recorder.best.clone());
+            if polish::lower_mean(&mut assembly, &mut lowered, cap.ln(), &mut recorder) == PhaseEnd::Interrupted {
                 stop = recorder.interruption();
             }
             // The energy is not quite the mean: what does not lower it is not kept.
             let last = recorder.rows.last().expect("row 0 is always there");
             if last.mean_k <= before && last.max_k <= cap {
-                image = polished.into_image();
+                image = lowered.into_image();
             }
         }
         if let Polish::Lexicographic { levels } = settings.polish
@@ -341,8 +348,18 @@ fn continuation(
         Objective::Max => SHARE_BEFORE_MINIMAX,
         Objective::SoftMax(_) => SHARE_BEFORE_LAST_PHASE,
     };
+    // No K lies below 1.
+    let perfect = |recorder: &Recorder<'_>| {
+        let above = recorder.best_k.ln();
+        let kkt = KktResidual { primal: 0.0, dual: 0.0, complementarity: above };
+        (settings.objective == Objective::Max && above <= settings.tolerance)
+            .then_some((PhaseEnd::Converged, Some(kkt)))
+    };
     let before = EXPONENTS.into_iter().filter(|&p| p < last || settings.objective == Objective::Max && p == last);
     for (index, exponent) in before.clone().enumerate() {
+        if let Some(end) = perfect(recorder) {
+            return Ok(end);
+        }
         recorder.progress = share * index as f64 / before.clone().count() as f64;
         // A phase that makes no progress is no reason to end: the next one has another objective.
         if phase(assembly, iterate, exponent, PHASE_TOLERANCE, recorder) == PhaseEnd::Interrupted {

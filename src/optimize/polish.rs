@@ -1,6 +1,8 @@
 //! After the bottleneck: lower the mean under a cap on the largest K.
 
-use super::newton::{PhaseEnd, dot, factorize_damped, line_search};
+use super::damping::NegativeShare;
+use super::line_search::{ARMIJO, dot, line_search};
+use super::recorder::PhaseEnd;
 use super::{Progress, Recorder};
 use crate::objective::{Assembly, CappedMean, Iterate};
 
@@ -10,12 +12,12 @@ pub(super) const CAP: f64 = 2e-4;
 /// Weights of the mean against the cap's barrier. A tet has six barrier terms, so at the last weight the mean lies within
 /// about 6 / 1000 of the least one under the cap, relative to a K of 1.
 const WEIGHTS: [f64; 4] = [1.0, 10.0, 100.0, 1000.0];
-/// Half of the squared Newton decrement, per tet, at which a weight's stage ends: far below the bias of the last weight.
-const CENTRED: f64 = 1e-5;
+/// The squared Newton decrement, relative to the weight and per tet, at which a weight's stage ends: twice what the step would
+/// gain in the mean of K_I + K_O. With a thirtieth of this the steps are 1.4 to 2.5 times as many on six meshes of 2,000 to
+/// 20,000 tets, and the mean is within 5e-4 of the same.
+const CENTRED: f64 = 3e-4;
 /// Most Newton steps a weight.
 const STAGE_STEPS: usize = 25;
-/// Sufficient decrease of the Armijo rule.
-const ARMIJO: f64 = 1e-4;
 
 /// Minimises the sum of K_I + K_O (up to terms of order 1) under K <= exp(cap) for every tet, from `iterate` inside the cap.
 pub(super) fn lower_mean(
@@ -24,20 +26,20 @@ pub(super) fn lower_mean(
     cap: f64,
     recorder: &mut Recorder<'_>,
 ) -> PhaseEnd {
-    let centred = CENTRED * assembly.domain().mesh().tets().len() as f64;
-    let mut negative = 1.0;
+    let tets = assembly.domain().mesh().tets().len() as f64;
+    let mut negative = NegativeShare::new();
     for (stage, weight) in WEIGHTS.into_iter().enumerate() {
         recorder.progress = 1.0 - 0.1 * (1.0 - stage as f64 / WEIGHTS.len() as f64);
         let energy = CappedMean { weight, cap };
         for _ in 0..STAGE_STEPS {
             let Some(value) = assembly.value(&energy, iterate) else { return PhaseEnd::NoProgress };
-            let Some(gradient) = factorize_damped(assembly, &energy, iterate, &mut negative, 0.0) else {
+            let Some(gradient) = negative.factorize(assembly, &energy, iterate) else {
                 return PhaseEnd::NoProgress;
             };
             let mut direction: Vec<f64> = gradient.iter().map(|g| -g).collect();
             assembly.system().solve(&mut direction);
             let slope = dot(&gradient, &direction);
-            if -slope < centred {
+            if -slope < CENTRED * weight * tets {
                 break;
             }
             let accepted = line_search(assembly, &energy, iterate, &direction, 1.0, |trial, step| {
@@ -45,11 +47,11 @@ pub(super) fn lower_mean(
             });
             let Some((step, trial_value, trial)) = accepted else { break };
             *iterate = trial;
-            let mean = trial_value / (weight * assembly.domain().mesh().tets().len() as f64);
+            let mean = trial_value / (weight * tets);
             if recorder.record("mean", mean.ln(), step, iterate) == Progress::Stop {
                 return PhaseEnd::Interrupted;
             }
-            negative = (2.0 * negative).clamp(0.02, 1.0);
+            negative.raise();
         }
     }
     PhaseEnd::Converged

@@ -14,6 +14,14 @@ pub(super) enum Progress {
     Stop,
 }
 
+/// How one phase ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum PhaseEnd {
+    Converged,
+    NoProgress,
+    Interrupted,
+}
+
 /// The vertices and tets of a part of the mesh.
 #[derive(Clone, Debug)]
 pub(super) struct Part {
@@ -29,8 +37,10 @@ pub(super) struct Recorder<'a> {
     /// What the positions passed to [`Recorder::record`] are; `None` for all vertices.
     pub(super) part: Option<Part>,
     start: Instant,
-    pub(super) max_iterations: usize,
+    max_iterations: usize,
     time_limit: Option<Duration>,
+    /// Share of the limits kept for the polish.
+    reserved: f64,
     cancel: Cancel,
     observe: &'a mut dyn FnMut(&TraceRow),
     pub(super) rows: Vec<TraceRow>,
@@ -50,6 +60,7 @@ impl<'a> Recorder<'a> {
             start: Instant::now(),
             max_iterations: settings.max_iterations,
             time_limit: settings.time_limit,
+            reserved: 0.0,
             cancel: settings.cancel.clone(),
             observe,
             rows: Vec::new(),
@@ -82,6 +93,11 @@ impl<'a> Recorder<'a> {
         }
     }
 
+    /// Keeps a share of the limits for later; 0 gives it free again.
+    pub(super) fn reserve(&mut self, share: f64) {
+        self.reserved = share;
+    }
+
     /// Which limit stopped it.
     pub(super) fn interruption(&self) -> StopReason {
         if self.cancel.is_raised() {
@@ -93,7 +109,13 @@ impl<'a> Recorder<'a> {
     }
 
     pub(super) fn time_left(&self) -> Option<Duration> {
-        self.time_limit.map(|limit| limit.saturating_sub(self.start.elapsed()))
+        self.time_limit.map(|limit| limit.mul_f64(1.0 - self.reserved).saturating_sub(self.start.elapsed()))
+    }
+
+    pub(super) fn iterations_left(&self) -> usize {
+        // Row 0 is the start.
+        let limit = (self.max_iterations as f64 * (1.0 - self.reserved)).ceil() as usize;
+        (limit + 1).saturating_sub(self.rows.len())
     }
 
     pub(super) fn record(&mut self, phase: &str, objective: f64, step: f64, iterate: &Iterate) -> Progress {
@@ -119,8 +141,7 @@ impl<'a> Recorder<'a> {
         (self.observe)(&row);
         self.rows.push(row);
         let out_of_time = self.time_left().is_some_and(|left| left.is_zero());
-        // Row 0 is the start.
-        let stop = out_of_time || self.cancel.is_raised() || self.rows.len() > self.max_iterations;
+        let stop = out_of_time || self.cancel.is_raised() || self.iterations_left() == 0;
         if stop { Progress::Stop } else { Progress::Continue }
     }
 }

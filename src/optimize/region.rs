@@ -91,6 +91,13 @@ impl Region {
         }
     }
 
+    /// For each of the region's tets, whether it has a vertex that is held for the region only.
+    pub(super) fn rim(&self, fixed: &[bool]) -> Vec<bool> {
+        let held: Vec<bool> =
+            self.part.vertices.iter().zip(&self.fixed).map(|(&v, &here)| here && !fixed[v as usize]).collect();
+        self.domain.mesh().tets().iter().map(|tet| tet.iter().any(|v| held[v.index()])).collect()
+    }
+
     /// Whether all free vertices of the whole mesh, of which there are `free`, are free in the region.
     pub(super) fn is_whole(&self, free: usize) -> bool {
         self.fixed.iter().filter(|&&fixed| !fixed).count() == free

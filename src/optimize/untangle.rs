@@ -3,15 +3,14 @@
 use std::collections::HashSet;
 use std::time::Instant;
 
-use super::newton::{Shift, dot, line_search};
+use super::damping::Shift;
+use super::line_search::{ARMIJO, dot, line_search};
 use super::region::Region;
 use super::{OptimizeError, OptimizeSettings, TraceRow};
 use crate::domain::Domain;
 use crate::mesh::{Orientation, TetId, Vec3, orientation};
 use crate::objective::{Assembly, Iterate, Untangling};
 
-/// Sufficient decrease of the Armijo rule.
-const ARMIJO: f64 = 1e-4;
 /// Newton steps at one epsilon; more of them per epsilon do not pay, since the next epsilon changes the problem.
 const STEPS: usize = 3;
 /// Relative fall of the energy in one step below which the next epsilon is due.
