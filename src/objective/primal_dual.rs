@@ -12,6 +12,7 @@ use super::{Barrier, LogEnergy, TetEnergy, centred_logs};
 /// ```text
 /// sum over near-active constraints of  multiplier * (g - t)
 ///   + rest_weight * sum over the other l_i of  -ln(t^2 - 9 l_i^2)
+///   + mean_weight * sum over all l_i of  2 cosh(3 l_i)
 /// ```
 ///
 /// Its second derivatives, though, are those of the condensed Newton system: the Lagrangian's Hessian plus
@@ -22,6 +23,8 @@ pub struct PrimalDual {
     pub bound: f64,
     /// Weight of the barrier on all constraints that are not near-active.
     pub rest_weight: f64,
+    /// Weight of the dilatations themselves, `K_I + K_O` and four smaller terms of each tet; 0 where only the bound is lowered.
+    pub mean_weight: f64,
     /// For each tet its near-active constraints, of K_O and of K_I.
     pub near_active: Vec<[Option<NearActive>; 2]>,
 }
@@ -92,13 +95,14 @@ impl TetEnergy for PrimalDual {
                 Some(constraint) => constraint.multiplier * (3.0 * log.abs() - self.bound),
                 None => self.rest_weight * LogEnergy::value(&self.barrier(), log),
             };
+            sum += 2.0 * self.mean_weight * (3.0 * log).cosh();
         }
         sum
     }
 
     fn spectrum(&self, tet: usize, s: [f64; 3], negative: f64) -> Option<Spectrum> {
         let logs = centred_logs(s)?;
-        let derivatives = self.each(
+        let mut derivatives = self.each(
             tet,
             logs,
             |factor, c| (factor * c.multiplier, factor * factor * c.multiplier / c.slack),
@@ -107,8 +111,14 @@ impl TetEnergy for PrimalDual {
                 (self.rest_weight * first, self.rest_weight * second)
             },
         );
+        if self.mean_weight > 0.0 {
+            for (derivative, log) in derivatives.iter_mut().zip(logs) {
+                derivative.0 += 6.0 * self.mean_weight * (3.0 * log).sinh();
+                derivative.1 += 18.0 * self.mean_weight * (3.0 * log).cosh();
+            }
+        }
         // What has nothing but the barrier has no say in whether the system is definite.
-        let far = self.near_active[tet].iter().all(Option::is_none);
+        let far = self.mean_weight == 0.0 && self.near_active[tet].iter().all(Option::is_none);
         let finite = derivatives.iter().all(|d| d.0.is_finite() && d.1.is_finite());
         finite.then(|| Spectrum::of_logs(s, derivatives, if far { 0.0 } else { negative }))
     }

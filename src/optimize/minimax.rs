@@ -1,6 +1,6 @@
 //! The largest dilatation settled region by region: few tets decide it, and only what they depend on is solved for.
 
-use super::interior_point::{Settled, interior_point_phase};
+use super::interior_point::{Goal, Settled, interior_point_phase};
 use super::recorder::{PhaseEnd, Recorder};
 use super::region::{Region, changeable};
 use super::{KktResidual, OPTIMAL};
@@ -44,7 +44,8 @@ pub(super) fn minimax(
         }
         let mut part = assembly.at(region.restrict(image));
         recorder.part = Some(region.part.clone());
-        let settled = interior_point_phase(&mut assembly, &mut part, tolerance, &region.rim(fixed), recorder);
+        let rim = region.rim(fixed);
+        let settled = interior_point_phase(&mut assembly, &mut part, Goal::Bound, tolerance, &rim, recorder);
         recorder.part = None;
         region.extend(part.image(), image);
         let kkt = settled.bound.map(|bound| over_all(whole, fixed, image, bound, &settled, &region));

@@ -275,17 +275,11 @@ pub fn optimize(
         // Below K = 1 there is nothing to gain; after a limit the map may still have a better mean, but not after a cancel.
         let gains = recorder.best_k.ln() > settings.tolerance && recorder.iterations_left() > 0;
         if polished && gains && stop != StopReason::Cancelled {
-            let cap = recorder.best_k * (1.0 + polish::CAP);
-            let before = recorder.mean_of_best;
-            let mut lowered = assembly.at(recorder.best.clone());
-            if polish::lower_mean(&mut assembly, &mut lowered, cap.ln(), &mut recorder) == PhaseEnd::Interrupted {
+            let (end, lowered) = polish::lower_mean(&mut assembly, fixed, &mut recorder)?;
+            if end == PhaseEnd::Interrupted {
                 stop = recorder.interruption();
             }
-            // The energy is not quite the mean: what does not lower it is not kept.
-            let last = recorder.rows.last().expect("row 0 is always there");
-            if last.mean_k <= before && last.max_k <= cap {
-                image = lowered.into_image();
-            }
+            image = lowered.unwrap_or(image);
         }
         if let Polish::Lexicographic { levels } = settings.polish
             && end == PhaseEnd::Converged

@@ -2,7 +2,7 @@
 
 use super::recorder::Part;
 use crate::domain::Domain;
-use crate::mesh::{TetId, TetMesh, Vec3, VertexId};
+use crate::mesh::{TetId, Vec3, VertexId};
 use crate::objective::Assembly;
 
 /// Free vertices about the tets of large K, with all tets that they touch.
@@ -59,23 +59,18 @@ impl Region {
             return None;
         }
         let free = |v: VertexId| inside[v.index()] && !fixed[v.index()];
-        let chosen: Vec<u32> = (0..tets.len() as u32).filter(|&t| tets[t as usize].iter().any(|&v| free(v))).collect();
+        let touched = |t: &TetId| tets[t.index()].iter().any(|&v| free(v));
+        let chosen: Vec<TetId> = (0..tets.len() as u32).map(TetId).filter(touched).collect();
         if chosen.is_empty() {
             return None;
         }
-        let mut vertices: Vec<u32> = chosen.iter().flat_map(|&t| tets[t as usize].map(|v| v.0)).collect();
+        let mut vertices: Vec<u32> = chosen.iter().flat_map(|t| tets[t.index()].map(|v| v.0)).collect();
         vertices.sort_unstable();
         vertices.dedup();
-        let local = |v: VertexId| VertexId(vertices.binary_search(&v.0).expect("every corner is listed") as u32);
-        let mesh = TetMesh::new(
-            vertices.iter().map(|&v| domain.mesh().points()[v as usize]).collect(),
-            chosen.iter().map(|&t| tets[t as usize].map(local)).collect(),
-        )
-        .expect("tets of a valid mesh");
         Some(Self {
-            domain: Domain::any_topology(mesh).expect("triangles of a valid mesh"),
+            domain: domain.part(&vertices, &chosen),
             fixed: vertices.iter().map(|&v| !free(VertexId(v))).collect(),
-            part: Part { vertices, tets: chosen.into_iter().map(TetId).collect() },
+            part: Part { vertices, tets: chosen },
         })
     }
 

@@ -1,5 +1,5 @@
 //! The end of the minimax continuation: a primal-dual interior-point method for min t subject to g <= t, g = ln K_O and
-//! g = ln K_I of every tet.
+//! g = ln K_I of every tet; or the least mean dilatation for a given t.
 //!
 //! Constraints near the bound have a slack s > 0 and a multiplier each; all others have a logarithmic barrier. Each
 //! factorisation serves a predictor, a corrector (Mehrotra 1992, doi 10.1137/0802028) and a few corrections of single
@@ -22,6 +22,8 @@ const FIRST_SLACK: (f64, f64) = (0.0005, 0.1);
 /// The first weight as a share of that for which the first bound is stationary: with all of it the first centres lie so far
 /// above the maximum that few constraints are near them.
 const FIRST_WEIGHT: f64 = 0.1;
+/// How much the mean may be expected to fall, relative: it sets the first weight where the bound is given.
+const FIRST_GAIN: f64 = 0.1;
 /// A constraint gets a multiplier where its slack is below the first share of the bound, and loses it above the second. At
 /// larger shares its singular value could still become a double one, see [`PrimalDual`].
 const NEAR: (f64, f64) = (0.2, 0.3);
@@ -38,6 +40,8 @@ const CENTRED: (f64, f64) = (0.1, 10.0);
 const PRODUCTS: f64 = 1e4;
 /// Share of the tolerance that is as good as reached: what is reported is measured anew, with other rounding.
 const REACHED: f64 = 0.7;
+/// Largest violation of a given bound, in ln K.
+pub(super) const VIOLATION: f64 = 1e-5;
 /// Most Newton steps; 8 to 23 are usual, 41 the most seen.
 const MOST_STEPS: usize = 100;
 /// Steps in a row below the second entry that end it.
@@ -54,6 +58,15 @@ const BEFORE_POLISH: f64 = 0.9;
 /// barrier moves, which else drifts and shortens every step.
 const SHIFT: f64 = 1e-9;
 
+/// What is minimised.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Goal {
+    /// The bound on ln K.
+    Bound,
+    /// The sum of K_I + K_O and four smaller terms of each tet, relative to its first value, with this bound.
+    Mean(f64),
+}
+
 /// How a phase ended.
 pub(super) struct Settled {
     pub end: PhaseEnd,
@@ -63,16 +76,17 @@ pub(super) struct Settled {
     pub multipliers: Vec<(usize, usize, f64)>,
 }
 
-/// Minimises ln max K from `iterate` until the Karush-Kuhn-Tucker conditions hold to within `tolerance`, or until it is clear
+/// Minimises ln max K, or the mean, from `iterate` until the Karush-Kuhn-Tucker conditions hold to within `tolerance`, or until it is clear
 /// that they cannot hold beyond the tets marked in `rim`.
 pub(super) fn interior_point_phase(
     assembly: &mut Assembly<'_>,
     iterate: &mut Iterate,
+    goal: Goal,
     tolerance: f64,
     rim: &[bool],
     recorder: &mut Recorder<'_>,
 ) -> Settled {
-    let Some(mut path) = Path::first(assembly, iterate, tolerance) else {
+    let Some(mut path) = Path::first(assembly, iterate, goal, tolerance) else {
         return Settled { end: PhaseEnd::NoProgress, bound: None, multipliers: Vec::new() };
     };
     let end = path.follow(assembly, iterate, rim, recorder);
@@ -85,17 +99,29 @@ pub(super) fn interior_point_phase(
 
 /// The present multipliers and slacks, and where they are to go.
 struct Path {
+    goal: Goal,
     problem: PrimalDual,
     tolerance: f64,
 }
 
 impl Path {
-    fn first(assembly: &Assembly<'_>, iterate: &Iterate, tolerance: f64) -> Option<Self> {
-        let largest = 3.0 * iterate.largest_log()?;
-        let bound = largest + FIRST_SLACK.0.min(FIRST_SLACK.1 * largest);
-        let stationary = -1.0 / assembly.bound_derivatives(&Barrier { bound }, iterate)?.0;
-        let near_active = vec![[None; 2]; assembly.domain().mesh().tets().len()];
-        Some(Self { problem: PrimalDual { bound, rest_weight: FIRST_WEIGHT * stationary, near_active }, tolerance })
+    fn first(assembly: &Assembly<'_>, iterate: &Iterate, goal: Goal, tolerance: f64) -> Option<Self> {
+        let tets = assembly.domain().mesh().tets().len();
+        let (bound, rest_weight, mean_weight) = match goal {
+            Goal::Bound => {
+                let largest = 3.0 * iterate.largest_log()?;
+                let bound = largest + FIRST_SLACK.0.min(FIRST_SLACK.1 * largest);
+                let stationary = -1.0 / assembly.bound_derivatives(&Barrier { bound }, iterate)?.0;
+                (bound, FIRST_WEIGHT * stationary, 0.0)
+            }
+            Goal::Mean(bound) => {
+                let sum_of_tet = |logs: [f64; 3]| logs.iter().map(|log| 2.0 * (3.0 * log).cosh()).sum();
+                let [sum] = assembly.sum_of_logs(iterate, |_, logs| [sum_of_tet(logs)])?;
+                (bound, FIRST_GAIN / (6.0 * tets as f64), 1.0 / sum)
+            }
+        };
+        let near_active = vec![[None; 2]; tets];
+        Some(Self { goal, problem: PrimalDual { bound, rest_weight, mean_weight, near_active }, tolerance })
     }
 
     fn follow(
@@ -115,11 +141,10 @@ impl Path {
             let Some((system, residual)) = self.system(assembly, iterate, &rows, &mut negative) else {
                 return PhaseEnd::NoProgress;
             };
-            // As good as optimal, nearly at K = 1, below which there is nothing, or as good as it gets.
-            if residual.largest() < REACHED * self.tolerance
-                || self.problem.bound < REACHED * self.tolerance
-                || short == SHORT.0
-            {
+            let reached = residual.largest() < REACHED * self.tolerance
+                && (self.goal == Goal::Bound || residual.primal < VIOLATION);
+            // Optimal, or nearly at K = 1, below which there is nothing, or as good as it gets.
+            if reached || self.problem.bound < REACHED * self.tolerance || short == SHORT.0 {
                 return PhaseEnd::Converged;
             }
             let at_rim: f64 = rows.iter().filter(|row| rim[row.tet]).map(|row| row.multiplier).sum();
@@ -128,7 +153,11 @@ impl Path {
             }
             let first = *first_gap.get_or_insert(residual.complementarity);
             let done = (first / residual.complementarity).ln() / (first / self.tolerance).ln();
-            recorder.progress = share + (BEFORE_POLISH - share) * done.clamp(0.0, 1.0);
+            let (phase, last) = match self.goal {
+                Goal::Bound => ("minimax", BEFORE_POLISH),
+                Goal::Mean(_) => ("mean", 1.0),
+            };
+            recorder.progress = share + (last - share) * done.clamp(0.0, 1.0);
             let most = if idle >= IDLE.0 { IDLE.1 } else { 1.0 } * self.problem.rest_weight;
             let (step, weight) = self.step(assembly, &system, &rows, most);
             idle = if weight < 0.9 * self.problem.rest_weight { 0 } else { idle + 1 };
@@ -136,7 +165,7 @@ impl Path {
                 return PhaseEnd::NoProgress;
             };
             short = if length < SHORT.1 { short + 1 } else { 0 };
-            if recorder.record("minimax", self.problem.bound, length, iterate) == Progress::Stop {
+            if recorder.record(phase, self.problem.bound, length, iterate) == Progress::Stop {
                 return PhaseEnd::Interrupted;
             }
             negative.raise();
@@ -202,7 +231,8 @@ impl Path {
             let system = assembly.system();
             system.shift_diagonal(rounding(system.largest_diagonal()).max(SHIFT * scale * scale));
             if system.factorize().is_ok()
-                && let Some(system) = System::new(assembly, iterate, problem, rows, lagrangian)
+                && let Some(system) =
+                    System::new(assembly, iterate, problem, rows, lagrangian, self.goal == Goal::Bound)
             {
                 residual.dual = residual.dual.max(system.bound_gradient(problem.rest_weight).abs());
                 return Some((system, residual));

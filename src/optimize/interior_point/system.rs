@@ -33,15 +33,38 @@ pub(super) struct System {
     /// with weight 1.
     lagrangian: Vec<f64>,
     rest: Vec<f64>,
-    /// The bound's column.
+    /// `None` if the bound is given.
+    border: Option<Border>,
+}
+
+/// The bound's row and column.
+struct Border {
     column: Vec<f64>,
     solved_column: Vec<f64>,
-    /// What remains of the bound's diagonal entry after the positions are eliminated, positive.
+    /// What remains of the diagonal entry after the positions are eliminated, positive.
     schur: f64,
     /// Derivative in the bound of the Lagrangian without the barrier on the rest, 1 - sum of multipliers, and of that barrier
     /// with weight 1.
-    bound: f64,
-    rest_bound: f64,
+    lagrangian: f64,
+    rest: f64,
+}
+
+impl Border {
+    fn new(assembly: &mut Assembly<'_>, iterate: &Iterate, problem: &PrimalDual, rows: &[Row]) -> Option<Self> {
+        let column = assembly.gradient_of_logs(iterate, |tet, logs| problem.mixed_slopes(tet, logs))?;
+        let [rest, second] = assembly.sum_of_logs(iterate, |tet, logs| problem.rest_bound_derivatives(tet, logs))?;
+        let diagonal = problem.rest_weight * second + rows.iter().map(Row::stiffness).sum::<f64>();
+        let mut solved_column = column.clone();
+        assembly.system().solve(&mut solved_column);
+        let schur = diagonal - dot(&column, &solved_column);
+        let lagrangian = 1.0 - rows.iter().map(|row| row.multiplier).sum::<f64>();
+        (schur > 0.0).then_some(Self { column, solved_column, schur, lagrangian, rest })
+    }
+
+    /// The derivative of the Lagrangian in the bound, with this weight of the barrier on the rest.
+    fn gradient(&self, rest_weight: f64) -> f64 {
+        self.lagrangian + rest_weight * self.rest
+    }
 }
 
 /// What a Newton step is to reach.
@@ -75,29 +98,27 @@ impl Step {
 }
 
 impl System {
-    /// Borders the factorised system of this gradient; `None` if the whole is not positive definite then.
+    /// Takes the factorised system of this gradient, bordered if the bound is free; `None` if the whole is not positive
+    /// definite then.
     pub(super) fn new(
         assembly: &mut Assembly<'_>,
         iterate: &Iterate,
         problem: &PrimalDual,
         rows: &[Row],
         lagrangian: Vec<f64>,
+        bound_is_free: bool,
     ) -> Option<Self> {
         let rest = assembly.gradient_of_logs(iterate, |tet, logs| problem.rest_slopes(tet, logs))?;
-        let column = assembly.gradient_of_logs(iterate, |tet, logs| problem.mixed_slopes(tet, logs))?;
-        let [rest_bound, second] =
-            assembly.sum_of_logs(iterate, |tet, logs| problem.rest_bound_derivatives(tet, logs))?;
-        let diagonal = problem.rest_weight * second + rows.iter().map(Row::stiffness).sum::<f64>();
-        let mut solved_column = column.clone();
-        assembly.system().solve(&mut solved_column);
-        let schur = diagonal - dot(&column, &solved_column);
-        let bound = 1.0 - rows.iter().map(|row| row.multiplier).sum::<f64>();
-        (schur > 0.0).then_some(Self { lagrangian, rest, column, solved_column, schur, bound, rest_bound })
+        let border = match bound_is_free {
+            true => Some(Border::new(assembly, iterate, problem, rows)?),
+            false => None,
+        };
+        Some(Self { lagrangian, rest, border })
     }
 
-    /// The derivative of the Lagrangian in the bound, with this weight of the barrier on the rest.
+    /// The derivative of the Lagrangian in the bound; 0 if that is given.
     pub(super) fn bound_gradient(&self, rest_weight: f64) -> f64 {
-        self.bound + rest_weight * self.rest_bound
+        self.border.as_ref().map_or(0.0, |border| border.gradient(rest_weight))
     }
 
     /// The step from residuals as they are to the target.
@@ -129,9 +150,14 @@ impl System {
             }
         }
         assembly.system().solve(&mut solved);
-        let bound = (dot(&self.column, &solved) - self.bound_gradient(target.rest_weight) + pull) / self.schur;
-        let positions: Vec<f64> =
-            solved.iter().zip(&self.solved_column).map(|(u, column)| -u - column * bound).collect();
+        let mut positions: Vec<f64> = solved.iter().map(|u| -u).collect();
+        let mut bound = 0.0;
+        if let Some(border) = &self.border {
+            bound = (dot(&border.column, &solved) - border.gradient(target.rest_weight) + pull) / border.schur;
+            for (entry, column) in positions.iter_mut().zip(&border.solved_column) {
+                *entry -= column * bound;
+            }
+        }
         let displacement = moved(assembly, &vec![Vec3::zeros(); vertices], &positions, 1.0);
         let (mut slacks, mut multipliers) = (Vec::with_capacity(rows.len()), Vec::with_capacity(rows.len()));
         for (row, change) in rows.iter().zip(&target.changes) {
