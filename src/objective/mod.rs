@@ -14,6 +14,7 @@ mod primal_dual;
 mod soft_max;
 #[cfg(test)]
 mod tests;
+mod unknowns;
 mod untangling;
 
 pub use assembly::Assembly;
@@ -24,6 +25,7 @@ pub use extremes::{TetFunction, log_dilatations};
 pub use iterate::Iterate;
 pub use primal_dual::{NearActive, PrimalDual};
 pub use soft_max::SoftMax;
+pub use unknowns::{Freedom, Unknowns};
 pub use untangling::Untangling;
 
 /// An isotropic energy of each tet: a function of its signed singular values.

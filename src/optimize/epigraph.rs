@@ -5,7 +5,6 @@ use std::cell::RefCell;
 use nlopt::{Algorithm, Nlopt, SuccessState, Target};
 
 use super::argmin_phase::half_extent;
-use super::line_search::moved;
 use super::recorder::PhaseEnd;
 use super::{Engine, Progress, Recorder};
 use crate::objective::{Assembly, Iterate};
@@ -63,7 +62,7 @@ pub(super) fn epigraph_phase(
     let recorder = RefCell::new(recorder);
     let constraints = |result: &mut [f64], x: &[f64], gradient: Option<&mut [f64]>, _: &mut ()| {
         let (displacement, bound) = (&x[..count - 1], x[count - 1]);
-        let iterate = assembly.at(moved(assembly, start.image(), displacement, unit));
+        let iterate = assembly.at(assembly.moved(start.image(), displacement, unit));
         let functions: Vec<_> = (0..tets.len()).map(|tet| iterate.functions(domain, tet)).collect();
         for (values, functions) in result.chunks_exact_mut(2).zip(&functions) {
             for side in 0..2 {

@@ -21,7 +21,7 @@ pub(super) fn line_search<E: TetEnergy>(
     let mut trials = Trials::default();
     for _ in 0..HALVINGS {
         if let Some((value, trial)) =
-            trials.evaluate(assembly, energy, moved(assembly, iterate.image(), direction, step))
+            trials.evaluate(assembly, energy, assembly.moved(iterate.image(), direction, step))
             && accept(value, step)
         {
             return Some((step, value, trial));
@@ -46,7 +46,7 @@ impl Trials {
         energy: &E,
         image: Vec<Vec3>,
     ) -> Option<(f64, Iterate)> {
-        if !assembly.is_finite_on(energy, &self.infinite, &image) {
+        if !assembly.keeps_sides(&image) || !assembly.is_finite_on(energy, &self.infinite, &image) {
             return None;
         }
         let trial = assembly.at(image);
@@ -56,15 +56,6 @@ impl Trials {
         }
         Some((value?, trial))
     }
-}
-
-/// The positions after a step of the free vertices along a direction.
-pub(super) fn moved(assembly: &Assembly<'_>, image: &[Vec3], direction: &[f64], step: f64) -> Vec<Vec3> {
-    let mut trial = image.to_vec();
-    for (d, &vertex) in direction.chunks_exact(3).zip(assembly.free()) {
-        trial[vertex as usize] += Vec3::new(d[0], d[1], d[2]) * step;
-    }
-    trial
 }
 
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {

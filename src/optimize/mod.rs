@@ -26,7 +26,7 @@ use serde::{Deserialize, Serialize};
 use crate::domain::Domain;
 use crate::linalg::{Method, SparseError};
 use crate::mesh::Vec3;
-use crate::objective::{Assembly, Iterate};
+use crate::objective::{Assembly, Iterate, Unknowns};
 pub use cancel::Cancel;
 pub use engine::{Engine, MOST_TETS_CONSERVATIVE, MOST_TETS_QUADRATIC};
 use minimax::Ending;
@@ -239,7 +239,8 @@ pub fn optimize(
 ) -> Result<Outcome, OptimizeError> {
     settings.engine.check(settings.objective)?;
     settings.engine.check_size(domain.mesh().tets().len())?;
-    let mut assembly = Assembly::new(domain, fixed, method(fixed))?;
+    let unknowns = Unknowns::of_mask(fixed);
+    let mut assembly = Assembly::new(domain, &unknowns, method(&unknowns))?;
     let mut iterate = assembly.at(start.to_vec());
     let flipped = iterate.decompositions().iter().filter(|tet| tet.values[2] <= 0.0).count();
     if flipped > 0 {
@@ -260,7 +261,7 @@ pub fn optimize(
     let (end, kkt) = if settings.max_iterations == 0 {
         (PhaseEnd::Interrupted, None)
     } else {
-        continuation(&mut assembly, fixed, &mut iterate, settings, &mut recorder)?
+        continuation(&mut assembly, &mut iterate, settings, &mut recorder)?
     };
     let mut stop = match end {
         PhaseEnd::Converged if kkt.is_some_and(|kkt| kkt.largest() <= OPTIMAL) => StopReason::Optimal,
@@ -275,7 +276,7 @@ pub fn optimize(
         // Below K = 1 there is nothing to gain; after a limit the map may still have a better mean, but not after a cancel.
         let gains = recorder.best_k.ln() > settings.tolerance && recorder.iterations_left() > 0;
         if polished && gains && stop != StopReason::Cancelled {
-            let (end, lowered) = polish::lower_mean(&mut assembly, fixed, &mut recorder)?;
+            let (end, lowered) = polish::lower_mean(&mut assembly, &mut recorder)?;
             if end == PhaseEnd::Interrupted {
                 stop = recorder.interruption();
             }
@@ -283,7 +284,7 @@ pub fn optimize(
         }
         if let Polish::Lexicographic { levels } = settings.polish
             && end == PhaseEnd::Converged
-            && minimax::next_levels(&assembly, fixed, &mut image, levels, settings.tolerance, &mut recorder)?
+            && minimax::next_levels(&assembly, &mut image, levels, settings.tolerance, &mut recorder)?
                 == PhaseEnd::Interrupted
         {
             stop = recorder.interruption();
@@ -314,14 +315,12 @@ pub fn untangle_and_optimize(
 }
 
 /// How the soft maxima's Newton systems are solved.
-fn method(fixed: &[bool]) -> Method {
-    let free = fixed.iter().filter(|&&fixed| !fixed).count();
-    if free < ITERATIVE_FROM { Method::Direct } else { Method::Iterative }
+fn method(unknowns: &Unknowns) -> Method {
+    if unknowns.count() < ITERATIVE_FROM { Method::Direct } else { Method::Iterative }
 }
 
 fn continuation(
     assembly: &mut Assembly<'_>,
-    fixed: &[bool],
     iterate: &mut Iterate,
     settings: &OptimizeSettings,
     recorder: &mut Recorder<'_>,
@@ -370,7 +369,7 @@ fn continuation(
         return Ok((phase(assembly, iterate, exponent, settings.tolerance, recorder), None));
     }
     let mut image = iterate.image().to_vec();
-    let ending = minimax::minimax(assembly, fixed, &mut image, settings.tolerance, recorder)?;
+    let ending = minimax::minimax(assembly, &mut image, settings.tolerance, recorder)?;
     *iterate = assembly.at(image);
     if let Ending::Settled(end, kkt) = ending {
         return Ok((end, kkt));

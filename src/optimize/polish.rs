@@ -35,7 +35,6 @@ const SHARES: [f64; 8] = [1.0, 0.98, 0.95, 0.9, 0.8, 0.6, 0.4, 0.2];
 /// Lowers the mean of the best map under a cap on K; the positions, or `None` if none are better.
 pub(super) fn lower_mean(
     assembly: &mut Assembly<'_>,
-    fixed: &[bool],
     recorder: &mut Recorder<'_>,
 ) -> Result<(PhaseEnd, Option<Vec<Vec3>>), SparseError> {
     let cap = recorder.best_k * (1.0 + CAP);
@@ -45,14 +44,18 @@ pub(super) fn lower_mean(
     let end = if assembly.free().len() > MOST_DIRECT {
         barrier(assembly, &mut iterate, cap.ln(), recorder)
     } else {
-        let mut direct = Assembly::new(assembly.domain(), fixed, Method::Direct)?;
+        let mut direct = Assembly::new(assembly.domain(), assembly.unknowns(), Method::Direct)?;
         let rim = vec![false; assembly.domain().mesh().tets().len()];
         let goal = Goal::Mean(cap.ln() - VIOLATION);
         interior_point_phase(&mut direct, &mut iterate, goal, TOLERANCE, &rim, recorder).end
     };
     // Iterates may have violated the cap, and the energy is not quite the mean: what is not better is not kept.
     for share in SHARES {
-        let between = start.iter().zip(iterate.image()).map(|(from, to)| from + (to - from) * share);
+        let between = start
+            .iter()
+            .zip(iterate.image())
+            .enumerate()
+            .map(|(v, (from, to))| assembly.unknowns().retract(v, from, from + (to - from) * share));
         let trial = assembly.at(between.collect());
         let dilatations = || trial.decompositions().iter().map(|tet| Dilatation::of_singular_values(tet.values).k());
         let mean = dilatations().sum::<f64>() / trial.decompositions().len() as f64;

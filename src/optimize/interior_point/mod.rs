@@ -10,7 +10,7 @@
 mod system;
 
 use super::damping::{NegativeShare, rounding};
-use super::line_search::{HALVINGS, Trials, dot, moved};
+use super::line_search::{HALVINGS, Trials, dot};
 use super::recorder::PhaseEnd;
 use super::{KktResidual, Progress, Recorder};
 use crate::mesh::Vec3;
@@ -159,7 +159,7 @@ impl Path {
             };
             recorder.progress = share + (last - share) * done.clamp(0.0, 1.0);
             let most = if idle >= IDLE.0 { IDLE.1 } else { 1.0 } * self.problem.rest_weight;
-            let (step, weight) = self.step(assembly, &system, &rows, most);
+            let (step, weight) = self.step(assembly, iterate.image(), &system, &rows, most);
             idle = if weight < 0.9 * self.problem.rest_weight { 0 } else { idle + 1 };
             let Some(length) = self.advance(assembly, iterate, &rows, &step, weight) else {
                 return PhaseEnd::NoProgress;
@@ -247,13 +247,20 @@ impl Path {
     }
 
     /// The step to the next weight, at most `most`, and that weight.
-    fn step(&self, assembly: &mut Assembly<'_>, system: &System, rows: &[Row], most: f64) -> (Step, f64) {
+    fn step(
+        &self,
+        assembly: &mut Assembly<'_>,
+        image: &[Vec3],
+        system: &System,
+        rows: &[Row],
+        most: f64,
+    ) -> (Step, f64) {
         let problem = &self.problem;
         let count = rows.len().max(1) as f64;
         let present =
             if rows.is_empty() { problem.rest_weight } else { rows.iter().map(Row::product).sum::<f64>() / count };
         let affine = Target { rest_weight: 0.0, changes: rows.iter().map(|row| -row.product()).collect() };
-        let affine = system.solve(assembly, problem, rows, &affine);
+        let affine = system.solve(assembly, image, problem, rows, &affine);
         let reached = affine.products(rows, affine.primal, affine.dual).sum::<f64>() / count;
         let centring = (reached / present).powi(3).clamp(LEAST_CENTRING, 1.0);
         let weight = (centring * present).min(most).max(LAST_SHARE * self.tolerance / (count + self.terms()));
@@ -264,7 +271,7 @@ impl Path {
         };
         let changes = rows.iter().enumerate().map(|(k, row)| weight - row.product() - second_order(k)).collect();
         let mut target = Target { rest_weight: weight, changes };
-        let mut best = system.solve(assembly, problem, rows, &target);
+        let mut best = system.solve(assembly, image, problem, rows, &target);
         for _ in 0..CORRECTIONS.0 {
             let longer = |share: f64| (share + CORRECTIONS.1).min(1.0);
             let (primal, dual) = (longer(best.primal), longer(best.dual));
@@ -277,7 +284,7 @@ impl Path {
             for (change, missing) in target.changes.iter_mut().zip(&missing) {
                 *change += missing;
             }
-            let corrected = system.solve(assembly, problem, rows, &target);
+            let corrected = system.solve(assembly, image, problem, rows, &target);
             let gain = corrected.primal + corrected.dual - best.primal - best.dual;
             if gain < CORRECTIONS.1 * CORRECTIONS.2 {
                 break;
@@ -302,7 +309,7 @@ impl Path {
         let (trial, bound) = loop {
             let mut at_trial = self.problem.clone();
             at_trial.bound += length * step.bound;
-            let image: Vec<Vec3> = moved(assembly, iterate.image(), &step.positions, length);
+            let image: Vec<Vec3> = assembly.moved(iterate.image(), &step.positions, length);
             if let Some((_, trial)) = trials.evaluate(assembly, &at_trial, image) {
                 break (trial, at_trial.bound);
             }

@@ -1,6 +1,6 @@
 //! The condensed Newton system of the interior-point method: factorised once, solved for several targets.
 
-use super::super::line_search::{dot, moved};
+use super::super::line_search::dot;
 use crate::mesh::Vec3;
 use crate::objective::{Assembly, Iterate, PrimalDual};
 
@@ -125,6 +125,7 @@ impl System {
     pub(super) fn solve(
         &self,
         assembly: &mut Assembly<'_>,
+        image: &[Vec3],
         problem: &PrimalDual,
         rows: &[Row],
         target: &Target,
@@ -149,6 +150,7 @@ impl System {
                 entries[axis] += forces[v as usize][axis];
             }
         }
+        let mut solved = assembly.tangent(image, solved);
         assembly.system().solve(&mut solved);
         let mut positions: Vec<f64> = solved.iter().map(|u| -u).collect();
         let mut bound = 0.0;
@@ -158,7 +160,10 @@ impl System {
                 *entry -= column * bound;
             }
         }
-        let displacement = moved(assembly, &vec![Vec3::zeros(); vertices], &positions, 1.0);
+        let mut displacement = vec![Vec3::zeros(); vertices];
+        for (d, &v) in positions.chunks_exact(3).zip(assembly.free()) {
+            displacement[v as usize] = Vec3::from_column_slice(d);
+        }
         let (mut slacks, mut multipliers) = (Vec::with_capacity(rows.len()), Vec::with_capacity(rows.len()));
         for (row, change) in rows.iter().zip(&target.changes) {
             let of_value: f64 =
