@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use crate::bound::certificate::{self, Certificate};
 use crate::bound::{self, LowerBound};
+use crate::cancel::Cancel;
 use crate::domain::Domain;
 use crate::map::{RadialCoordinates, RayEnd, RayError, bijectivity, caraman};
 use crate::measure::{Summary, measure as measure_domain};
@@ -302,7 +303,7 @@ fn bounds_of(
     certify: Option<Duration>,
 ) -> (Vec<LowerBound>, Option<Certificate>) {
     let mut bounds = bound::all(domain, image, centre, centre.is_some());
-    let certificate = certify.and_then(|limit| certificate::search(domain, image, limit));
+    let certificate = certify.and_then(|limit| certificate::search(domain, image, &Cancel::default().within(limit)));
     bounds.extend(certificate.as_ref().and_then(|found| certificate::bound(found, domain, image).ok()));
     (bounds, certificate)
 }

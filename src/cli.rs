@@ -25,7 +25,7 @@ use crate::config::{AnalyticPlan, ConfigError, Plan, schema};
 use crate::experiment::{self, RunError};
 use crate::mesh::io::{ReadError, WriteError, check_folder_is_writable};
 use crate::optimize::StopReason;
-use crate::report::{PageError, summary, time_line, write_pages, write_results};
+use crate::report::{PageError, summary, time_line, write_pages, write_pages_of, write_results};
 use crate::verify::VerifyError;
 use output::{fault, note, print, show_error};
 use progress::Progress;
@@ -146,7 +146,7 @@ pub(crate) enum Failure {
 /// Runs the command line of this process.
 ///
 /// Exit codes: 0 done; 1 ended without what was asked for, report written; 2 bad input or usage, nothing written; 130 ended by
-/// a signal, the best so far written.
+/// a signal, the best so far written if there was a map.
 pub fn main() -> ExitCode {
     let ending = match Cli::parse().command {
         Command::Run(arguments) => run(&arguments),
@@ -171,7 +171,11 @@ pub fn main() -> ExitCode {
         Err(Failure::Output(error)) if error.kind() == std::io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
         Err(failure) => {
             show_error(&failure);
-            ExitCode::from(if matches!(failure, Failure::Output(_)) { 1 } else { 2 })
+            ExitCode::from(match failure {
+                Failure::Output(_) => 1,
+                Failure::Run(RunError::Interrupted) => interrupt::EXIT_CODE,
+                _ => 2,
+            })
         }
     }
 }
@@ -199,9 +203,8 @@ fn report(folder: &Path) -> Result<Ending, Failure> {
     print(&format!("{}\n", write_pages(folder)?.display()))
 }
 
-/// Makes the page of results that are written; if it cannot be made, says so.
-fn pages_are_written(folder: &Path) -> bool {
-    let written = write_pages(folder);
+/// Whether the page of results that are written was made; if not, says so.
+fn pages_are_written(folder: &Path, written: Result<PathBuf, PageError>) -> bool {
     if let Err(error) = &written {
         fault(&format!("{error}; the results are whole, and `qcball report {}` makes the page", folder.display()));
     }
@@ -233,15 +236,15 @@ fn run(arguments: &RunArguments) -> Result<Ending, Failure> {
     progress.finish();
     let finished = finished?;
     write_results(&folder, &finished.report, &finished.record())?;
-    let page = pages_are_written(&folder);
+    let page = pages_are_written(&folder, write_pages_of(&folder, &finished.report, &finished.record()));
     if arguments.json {
         print(&finished.report.to_json())?;
     } else if !arguments.quiet {
-        let (summary, time) = (summary(&finished.report), time_line(finished.report.times));
+        let (summary, time) = (summary(&finished.report), time_line(finished.report.achieved.times));
         print(&format!("{summary}{time}results     {}\n", folder.display()))?;
     }
     Ok(match &finished.report {
-        report if report.stop == StopReason::Cancelled => Ending::Interrupted,
+        report if report.achieved.stop == StopReason::Cancelled => Ending::Interrupted,
         report if report.bijective && page => Ending::Done,
         _ => Ending::Unfulfilled,
     })

@@ -1,6 +1,6 @@
 //! The dilatations of one Jacobian (paper eq. 4-8).
 
-use serde::Serialize;
+use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::linalg::{Mat3, svd};
 
@@ -48,6 +48,14 @@ impl Dilatation {
     pub fn k(self) -> f64 {
         self.inner.max(self.outer)
     }
+}
+
+/// Reads a number of JSON, where `null` stands for infinity.
+///
+/// # Errors
+/// What is neither.
+pub(crate) fn null_is_infinite<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(deserializer)?.unwrap_or(f64::INFINITY))
 }
 
 /// A dilatation in at most 9 characters, rounded to nearest.

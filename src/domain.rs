@@ -1,7 +1,7 @@
 //! The domain of a map: a mesh that is a topological ball, with its reference operators.
 
 pub use crate::mesh::edge_matrix;
-use crate::mesh::{Boundary, Mat3, TetId, TetMesh, TopologyError, Vec3, VertexId};
+use crate::mesh::{Boundary, Mat3, TetId, TetMesh, TopologyError, Unit, Vec3, VertexId};
 
 /// A tetrahedral mesh of a topological ball with what every stage needs of it; images are positions on its connectivity.
 #[derive(Clone, Debug)]
@@ -85,6 +85,11 @@ impl Domain {
             inverse_edges: tets.iter().map(|tet| self.inverse_edges[tet.index()]).collect(),
             volumes: tets.iter().map(|tet| self.volumes[tet.index()]).collect(),
         }
+    }
+
+    /// The same domain with lengths counted in another unit.
+    pub fn in_unit(&self, unit: Unit) -> Self {
+        Self::with_boundary(self.mesh.in_unit(unit), self.boundary.clone())
     }
 
     /// The mesh.

@@ -249,7 +249,9 @@
 //! # Determinism
 //!
 //! Tets are handled in parallel and gathered in a fixed order, and the sparse factorization runs on one thread: a result is
-//! the same to the bit for any number of threads, unless a time limit ended the run.
+//! the same to the bit for any number of threads, unless a time limit ended the run. What is read from files is counted in the
+//! power of two nearest below its size ([`mesh::Unit`]) and given back in the file's unit, so that no result depends on that unit
+//! and none of it leaves the range of numbers on the way.
 //!
 //! # The modules
 //!
@@ -257,9 +259,10 @@
 //!
 //! | module | what it holds |
 //! |---|---|
+//! | [`cancel`] | ending work from outside, and deadlines |
 //! | [`linalg`] | the signed 3x3 singular value decomposition; the sparse positive definite solve |
 //! | [`dilatation`] | K_I, K_O and K of one Jacobian |
-//! | [`mesh`] | ids, tet meshes, boxes and soups, topology, sharp features, full boundary; `io`: a format a file |
+//! | [`mesh`] | ids, units, tet meshes, boxes and soups, topology, sharp features, full boundary; `io`: a format a file |
 //! | [`solid`] | built-in solids, closed surfaces and their invariants, star kernel and centre, the shell and flag meshers, voxels |
 //! | [`domain`] | a mesh that is a ball, with reference gradients and volumes |
 //! | [`map`] | the radial map; whether a map is bijective; a map and its inverse at any points; `analytic`: maps in closed form |
@@ -281,6 +284,8 @@
 //!
 //! The paper all this starts from is Naitsat, Saucan and Zeevi, *Volumetric Quasi-conformal Mappings*, GRAPP 2015,
 //! doi 10.5220/0005298900460057; "paper eq. N" in these pages is an equation of it.
+
+pub mod cancel;
 
 #[doc(hidden)]
 pub mod linalg;
@@ -336,6 +341,7 @@ pub mod sweep;
 pub mod cli;
 
 pub use bound::LowerBound;
+pub use cancel::Cancel;
 #[cfg(feature = "cli")]
 pub use config::Plan;
 pub use dilatation::Dilatation;

@@ -5,9 +5,9 @@ mod bottleneck;
 pub use bottleneck::{Bottleneck, bottleneck};
 
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
-use crate::dilatation::Dilatation;
+use crate::dilatation::{Dilatation, null_is_infinite};
 use crate::domain::Domain;
 use crate::mesh::{Orientation, TetId, Vec3, orientation};
 
@@ -28,33 +28,45 @@ pub struct Measured {
 }
 
 /// The figures of a [`Measured`] that reports print.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
     /// Largest K; infinite if a tet is flipped.
+    #[serde(deserialize_with = "null_is_infinite")]
     pub max_k: f64,
     /// Mean of K over the tets, each counted once; infinite if a tet is flipped.
+    #[serde(deserialize_with = "null_is_infinite")]
     pub mean_k: f64,
     /// Mean of K weighted by domain volume; infinite if a tet is flipped.
+    #[serde(deserialize_with = "null_is_infinite")]
     pub volume_mean_k: f64,
     /// Median, 90 %, 99 % and 99.9 % quantiles of K over the tets (nearest rank).
+    #[serde(deserialize_with = "null_is_infinite")]
     pub p50_k: f64,
     /// See `p50_k`.
+    #[serde(deserialize_with = "null_is_infinite")]
     pub p90_k: f64,
     /// See `p50_k`.
+    #[serde(deserialize_with = "null_is_infinite")]
     pub p99_k: f64,
     /// See `p50_k`.
+    #[serde(deserialize_with = "null_is_infinite")]
     pub p999_k: f64,
     /// Largest K_I.
+    #[serde(deserialize_with = "null_is_infinite")]
     pub max_k_inner: f64,
     /// Largest K_O.
+    #[serde(deserialize_with = "null_is_infinite")]
     pub max_k_outer: f64,
     /// Number of flipped tets.
     pub flipped: usize,
     /// Largest K_I over the tets that are not flipped; infinite, like the two below, if there is none.
+    #[serde(deserialize_with = "null_is_infinite")]
     pub max_k_inner_unflipped: f64,
     /// Largest K_O over the tets that are not flipped.
+    #[serde(deserialize_with = "null_is_infinite")]
     pub max_k_outer_unflipped: f64,
     /// Mean of K over the tets that are not flipped.
+    #[serde(deserialize_with = "null_is_infinite")]
     pub mean_k_unflipped: f64,
 }
 

@@ -8,7 +8,7 @@ use qcball::bound::{self, Kind, LowerBound};
 use qcball::mesh::{TetMesh, Vec3};
 use qcball::optimize::Polish;
 use qcball::{
-    Domain, OptimizeSettings, RadialCoordinates, ShellSettings, Solid, caraman, measure, optimize, shell_mesh,
+    Cancel, Domain, OptimizeSettings, RadialCoordinates, ShellSettings, Solid, caraman, measure, optimize, shell_mesh,
 };
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{RngCore, SeedableRng};
@@ -110,7 +110,7 @@ fn no_bound_exceeds_a_random_or_an_optimized_map() {
         let mut bounds = bound::all(&domain, &start, None, false);
         if case % 4 == 0 {
             // The limit only keeps a hard case from taking long: whatever is found has to hold.
-            let found = bound::certificate::search(&domain, &start, Duration::from_secs(2));
+            let found = bound::certificate::search(&domain, &start, &Cancel::default().within(Duration::from_secs(2)));
             bounds.extend(found.and_then(|found| bound::certificate::bound(&found, &domain, &start).ok()));
         }
         certified += bounds.iter().filter(|bound| bound.name == "gram").count();

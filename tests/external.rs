@@ -8,14 +8,14 @@ use std::time::{Duration, Instant};
 
 use qcball::mesh::{Boundary, PolygonSoup, TetId, TetMesh, Vec3, VertexId};
 use qcball::solid::{ExternalError, ExternalMesher, ExternalSettings, Sizing, Solid, Surface, external_mesh};
-use qcball::{Domain, domain::edge_matrix};
+use qcball::{Cancel, Domain, domain::edge_matrix};
 
 const BOTH: [ExternalMesher; 2] = [ExternalMesher::TetGen, ExternalMesher::Gmsh];
 const STAR: Solid = Solid::PolyhedralStar { seed: 3, amplitude: 0.3, resolution: 3 };
 
 /// The mesh, or `None` if the program is missing and may be.
 fn mesh(surface: &Surface, settings: &ExternalSettings) -> Option<TetMesh> {
-    match external_mesh(surface, settings) {
+    match external_mesh(surface, settings, &Cancel::default()) {
         Err(error @ ExternalError::Missing { .. }) if std::env::var_os("QCBALL_EXTERNAL_REQUIRED").is_none() => {
             eprintln!("skipped: {error}");
             None
@@ -106,7 +106,7 @@ fn no_tet_exceeds_the_volume_asked_for() {
 fn a_volume_that_a_kept_boundary_forbids_is_an_error() {
     let cube = Solid::Cube.surface().unwrap();
     let tetgen = ExternalSettings { keep_boundary: true, max_volume: Some(0.01), ..usual(ExternalMesher::TetGen) };
-    match external_mesh(&cube, &tetgen) {
+    match external_mesh(&cube, &tetgen, &Cancel::default()) {
         Err(ExternalError::Missing { .. }) => {
             mesh(&cube, &tetgen);
         }
@@ -213,7 +213,7 @@ fn a_surface_through_itself_is_refused_in_the_programs_words() {
     let surface = self_intersecting();
     for (mesher, keep_boundary) in BOTH.into_iter().flat_map(|mesher| [(mesher, false), (mesher, true)]) {
         let settings = ExternalSettings { keep_boundary, ..usual(mesher) };
-        match external_mesh(&surface, &settings) {
+        match external_mesh(&surface, &settings, &Cancel::default()) {
             Err(ExternalError::Missing { .. }) => {
                 mesh(&surface, &settings);
             }
@@ -244,21 +244,21 @@ fn settings_out_of_range_are_refused() {
         (sizing(Sizing { edge_length: 0.1, feature_edge_length: 0.1, growth: f64::NAN }), "feature_growth is NaN"),
     ];
     for (settings, words) in cases {
-        let error = external_mesh(&cube, &settings).unwrap_err();
+        let error = external_mesh(&cube, &settings, &Cancel::default()).unwrap_err();
         assert!(matches!(error, ExternalError::Settings(_)) && error.to_string().contains(words), "{error}");
     }
 }
 
 /// What a shell script that passes for a mesher leads to.
 #[cfg(unix)]
-fn with_script(mesher: ExternalMesher, script: &str, limit: Duration) -> ExternalError {
+fn with_script(mesher: ExternalMesher, script: &str, limit: Duration, cancel: &Cancel) -> ExternalError {
     use std::os::unix::fs::PermissionsExt;
     let folder = tempfile::tempdir().unwrap();
     let program = folder.path().join("mesher");
     std::fs::write(&program, format!("#!/bin/sh\n{script}\n")).unwrap();
     std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).unwrap();
     let settings = ExternalSettings { program: Some(program), time_limit: limit, ..usual(mesher) };
-    external_mesh(&Solid::Cube.surface().unwrap(), &settings).unwrap_err()
+    external_mesh(&Solid::Cube.surface().unwrap(), &settings, cancel).unwrap_err()
 }
 
 #[test]
@@ -279,7 +279,7 @@ fn failures_of_programs_become_errors_with_their_words() {
     ];
     for mesher in BOTH {
         for (script, words) in &cases {
-            let text = with_script(mesher, script, Duration::from_secs(60)).to_string();
+            let text = with_script(mesher, script, Duration::from_secs(60), &Cancel::default()).to_string();
             for word in words {
                 assert!(text.contains(word) && text.contains(&mesher.to_string()), "{script}\n-> {text}\nlacks {word}");
             }
@@ -299,7 +299,7 @@ fn a_program_that_hangs_is_ended_with_all_it_started() {
     let folder = mark.path().display();
     let script = format!("echo started; echo $$ > {folder}/child; sleep 600 & echo $! > {folder}/grandchild; wait");
     let start = Instant::now();
-    let error = with_script(ExternalMesher::TetGen, &script, Duration::from_secs(2));
+    let error = with_script(ExternalMesher::TetGen, &script, Duration::from_secs(2), &Cancel::default());
     assert!(matches!(error, ExternalError::TimedOut { .. }), "{error}");
     assert!(error.to_string().contains("ended after 2 s without a mesh; raise program_time_limit"), "{error}");
     assert!(error.to_string().contains("started"), "{error}");
@@ -321,6 +321,22 @@ fn a_program_that_hangs_is_ended_with_all_it_started() {
         assert!(gone(), "the grandchild survived");
         assert!(!alive("child"), "the child is a zombie or alive");
     }
+}
+
+#[test]
+#[cfg(unix)]
+fn a_program_that_is_interrupted_is_ended() {
+    let cancel = Cancel::default();
+    let error = std::thread::scope(|scope| {
+        let raised = cancel.clone();
+        scope.spawn(move || {
+            std::thread::sleep(Duration::from_millis(200));
+            raised.raise();
+        });
+        // Were it not ended, the hour would run out the test's own patience.
+        with_script(ExternalMesher::Gmsh, "sleep 3600", Duration::from_secs(3600), &cancel)
+    });
+    assert!(matches!(error, ExternalError::Cancelled(ExternalMesher::Gmsh)), "{error}");
 }
 
 #[test]

@@ -53,13 +53,13 @@ fn run(folder: &Path, more: &str) -> experiment::Finished {
 fn a_grid_is_freed_of_locked_tets_untangled_and_optimized() {
     let folder = tempfile::tempdir().unwrap();
     let report = run(folder.path(), "").report;
-    let splits = report.splits.unwrap();
+    let splits = report.achieved.splits.unwrap();
     assert!(splits.edges > 0 && splits.tets_before == 6 * 64 && report.domain.tets > splits.tets_before);
-    assert_eq!((report.domain.locked, report.last.flipped, report.bijective), (0, 0, true));
-    assert!(matches!(report.stop, StopReason::Optimal | StopReason::Converged), "{:?}", report.stop);
+    assert_eq!((report.domain.locked, report.achieved.last.flipped, report.bijective), (0, 0, true));
+    assert!(matches!(report.achieved.stop, StopReason::Optimal | StopReason::Converged), "{:?}", report.achieved.stop);
     // Half of the tets were stored with either orientation.
     assert!(report.warnings.iter().any(|warning| warning.contains("192 of 384")), "{:?}", report.warnings);
-    assert!(report.best.gap.unwrap() >= 1.0);
+    assert!(report.achieved.best.gap.unwrap() >= 1.0);
 }
 
 #[test]
@@ -67,13 +67,13 @@ fn a_kept_mesh_names_its_locked_tets() {
     let folder = tempfile::tempdir().unwrap();
     let finished = run(folder.path(), "keep_mesh = true");
     let report = &finished.report;
-    assert!(report.domain.locked > 0 && report.splits.is_none() && report.domain.tets == 384);
+    assert!(report.domain.locked > 0 && report.achieved.splits.is_none() && report.domain.tets == 384);
     let said = report.warnings.iter().find(|warning| warning.contains("are locked")).unwrap();
-    let forced = report.bounds.iter().find(|bound| bound.name == "locked").unwrap().value;
+    let forced = report.achieved.bounds.iter().find(|bound| bound.name == "locked").unwrap().value;
     // Rounded down.
     let shown: f64 = said.rsplit("K >= ").next().unwrap().parse().unwrap();
     assert!(shown <= forced * (1.0 + 1e-9) && forced < shown + 1e-4, "{said}, from {forced}");
-    assert!(report.last.max_k >= forced);
+    assert!(report.achieved.last.max_k >= forced);
 }
 
 #[test]
@@ -81,11 +81,16 @@ fn optimize_gives_what_run_gives_from_the_same_start() {
     let folder = tempfile::tempdir().unwrap();
     let finished = run(folder.path(), "");
     let settings = qcball::optimize::OptimizeSettings::default();
-    let map = GivenMap { domain: finished.domain.clone(), image: finished.initial.clone(), exchanged: 0 };
+    let map = GivenMap {
+        domain: finished.domain.clone(),
+        image: finished.initial.clone(),
+        exchanged: 0,
+        units: Default::default(),
+    };
     let locks = finished.domain.boundary().vertex_mask().to_vec();
     let again = optimize_map(map, Some(locks), false, &settings, &mut |_| {}).unwrap();
     assert_eq!(again.positions, finished.outcome.positions);
-    assert_eq!(again.report.last, finished.report.last);
+    assert_eq!(again.report.achieved.last, finished.report.achieved.last);
 }
 
 #[test]

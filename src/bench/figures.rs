@@ -2,6 +2,9 @@
 
 use serde::Deserialize;
 
+use crate::measure::Summary;
+use crate::report::Achieved;
+
 /// What one optimization gave.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Figures {
@@ -43,7 +46,7 @@ pub struct Reach {
 }
 
 /// The dilatations of one map; an infinite one is none.
-#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct MapFigures {
     /// Largest K.
     pub max_k: Option<f64>,
@@ -53,37 +56,27 @@ pub struct MapFigures {
     pub flipped: usize,
 }
 
-/// The keys that are read of the JSON of `optimize` and of `run`.
+impl MapFigures {
+    fn of(map: &Summary) -> Self {
+        let [max_k, mean_k] = [map.max_k, map.mean_k].map(|k| Some(k).filter(|k| k.is_finite()));
+        Self { max_k, mean_k, flipped: map.flipped }
+    }
+}
+
+/// What is read of the JSON of `optimize` and of `run`.
 #[derive(Deserialize)]
 struct Printed {
     /// Of `optimize`.
     tets: Option<usize>,
     /// Of `run`.
     domain: Option<PrintedDomain>,
-    initial: MapFigures,
-    #[serde(rename = "final")]
-    last: MapFigures,
-    iterations: usize,
-    seconds: f64,
-    untangling_seconds: f64,
-    cpu_seconds: Option<f64>,
-    peak_memory_mib: Option<f64>,
-    kkt: Option<PrintedKkt>,
-    best_bound: Option<f64>,
-    gap: Option<f64>,
-    stop: String,
+    #[serde(flatten)]
+    achieved: Achieved,
 }
 
 #[derive(Deserialize)]
 struct PrintedDomain {
     tets: usize,
-}
-
-#[derive(Deserialize)]
-struct PrintedKkt {
-    primal: f64,
-    dual: f64,
-    complementarity: f64,
 }
 
 /// The columns that are read of a trace.
@@ -105,32 +98,33 @@ impl Figures {
     ) -> Result<Self, String> {
         let printed: Printed =
             serde_json::from_slice(json).map_err(|error| format!("its report cannot be read: {error}"))?;
+        let Achieved { initial, last, best, stop, kkt, iterations, times, .. } = printed.achieved;
         let lines: Vec<TraceLine> = csv::Reader::from_reader(trace)
             .deserialize()
             .collect::<Result<_, _>>()
             .map_err(|error| format!("its trace cannot be read: {error}"))?;
         // The trace has the time of a clock; other load on the machine delays us, but does not count as processor time.
-        let share = printed.cpu_seconds.filter(|_| printed.seconds > 0.0).map_or(1.0, |cpu| cpu / printed.seconds);
+        let share = times.cpu_seconds.filter(|_| times.seconds > 0.0).map_or(1.0, |cpu| cpu / times.seconds);
         let reached = goals.map(|(peer, max_k, theirs)| {
             let line = lines.iter().find(|line| line.max_k <= max_k);
             Reach {
                 peer: peer.into(),
-                ours: line.map(|line| (printed.untangling_seconds + line.seconds) * share),
+                ours: line.map(|line| (times.untangling_seconds + line.seconds) * share),
                 theirs,
             }
         });
         Ok(Self {
             tets: printed.tets.or(printed.domain.map(|domain| domain.tets)).unwrap_or_default(),
-            first: printed.initial,
-            last: printed.last,
-            iterations: printed.iterations,
-            seconds: printed.seconds,
-            cpu_seconds: printed.cpu_seconds,
-            peak_memory_mib: printed.peak_memory_mib,
-            kkt: printed.kkt.map(|kkt| kkt.primal.max(kkt.dual).max(kkt.complementarity)),
-            best_bound: printed.best_bound,
-            gap: printed.gap,
-            stop: printed.stop,
+            first: MapFigures::of(&initial),
+            last: MapFigures::of(&last),
+            iterations,
+            seconds: times.seconds,
+            cpu_seconds: times.cpu_seconds,
+            peak_memory_mib: times.peak_memory_mib,
+            kkt: kkt.map(|kkt| kkt.largest()),
+            best_bound: best.best_bound,
+            gap: best.gap,
+            stop: stop.to_string(),
             reached: reached.collect(),
         })
     }

@@ -4,6 +4,7 @@ use std::cmp::Reverse;
 
 use super::one_free_vertex::FreeVertex;
 use super::{Kind, LowerBound, Place};
+use crate::cancel::Cancel;
 use crate::domain::Domain;
 use crate::mesh::{TetId, Vec3, VertexId};
 
@@ -20,17 +21,17 @@ const MOST_PROGRAMS: usize = 10_000;
 /// quasiconvex function in three variables; `FreeVertex::least` encloses it, with the proof of its lower end.
 ///
 /// Vertices are taken in the order of a first guess at their values, and each is left as soon as it cannot exceed the best
-/// one so far. On large meshes the number of linear programs is limited, and the vertices that remain bound nothing; so does a
+/// one so far. On large meshes, or when cancelled, the vertices that remain bound nothing; so does a
 /// vertex over a degenerate face, and one for which no position with positive determinants is found. A pure trace
 /// question (free boundary values) is beyond this bound: it needs the image of the faces. Concave and flat edges play no part.
 ///
 /// In floats: see `FreeVertex::least`.
-pub fn apex(domain: &Domain, image: &[Vec3]) -> Vec<LowerBound> {
+pub fn apex(domain: &Domain, image: &[Vec3], cancel: &Cancel) -> Vec<LowerBound> {
     let stars = stars(domain, image);
     [Kind::K, Kind::Inner, Kind::Outer]
         .into_iter()
         .filter_map(|kind| {
-            let (value, vertex) = strongest_star(&stars, kind)?;
+            let (value, vertex) = strongest_star(&stars, kind, cancel)?;
             Some(LowerBound::of_mesh(
                 "apex",
                 "docs of qcball::bound::apex",
@@ -43,10 +44,10 @@ pub fn apex(domain: &Domain, image: &[Vec3]) -> Vec<LowerBound> {
         .collect()
 }
 
-fn strongest_star(stars: &[(VertexId, FreeVertex)], kind: Kind) -> Option<(f64, VertexId)> {
+fn strongest_star(stars: &[(VertexId, FreeVertex)], kind: Kind, cancel: &Cancel) -> Option<(f64, VertexId)> {
     let (mut best, mut place, mut programs) = (1.0, None, 0);
     for (vertex, star) in stars {
-        if programs >= MOST_PROGRAMS {
+        if programs >= MOST_PROGRAMS || cancel.is_due() {
             break;
         }
         let Some(least) = star.least(kind, best) else { continue };

@@ -43,7 +43,7 @@ mod wedge;
 #[cfg(test)]
 mod tests;
 
-use serde::Serialize;
+use serde::{Deserialize, Deserializer, Serialize};
 
 pub use apex::apex;
 pub use boundary_image::BoundaryImage;
@@ -59,13 +59,14 @@ pub use vertex::vertex;
 pub use vertex_smooth::vertex_smooth;
 pub use wedge::wedge;
 
+use crate::cancel::Cancel;
 use crate::dilatation::lower_bound;
 use crate::domain::Domain;
 pub use crate::mesh::Place;
 use crate::mesh::{BoundaryEdges, Features, Orientation, Vec3, VertexId, orientation};
 
 /// Which dilatation a bound holds for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Kind {
     /// The inner dilatation K_I (and so K).
     #[serde(rename = "K_I")]
@@ -78,8 +79,19 @@ pub enum Kind {
     K,
 }
 
+impl Kind {
+    /// As formulas write it.
+    pub fn symbol(self) -> &'static str {
+        match self {
+            Self::Inner => "K_I",
+            Self::Outer => "K_O",
+            Self::K => "K",
+        }
+    }
+}
+
 /// Which maps a bound speaks of. A gap is taken only between a map and a bound whose scope contains it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Scope {
     /// Any quasi-conformal map of the solid onto the smooth ball, boundary values free (`[QC]` in bounds.md).
     #[serde(rename = "any qc map of the solid onto the ball")]
@@ -92,14 +104,27 @@ pub enum Scope {
     MeshFixedBoundary,
 }
 
+impl Scope {
+    /// The maps, in words.
+    pub fn in_words(self) -> &'static str {
+        match self {
+            Self::Shape => "any qc map of the solid onto the ball",
+            Self::ShapeFixedTrace => "qc maps of the solid onto the ball with the radial boundary values",
+            Self::MeshFixedBoundary => "PL maps of this mesh with this boundary",
+        }
+    }
+}
+
 /// A lower bound.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct LowerBound {
     /// Short fixed name, e.g. `"vertex"`.
-    pub name: &'static str,
+    #[serde(deserialize_with = "known_name")]
+    pub name: Known,
     /// Where it is stated: the docs of its function here, with the proof, or an equation of the paper; e.g.
     /// `"docs of qcball::bound::vertex"`, `"paper eq. 44"`.
-    pub source: &'static str,
+    #[serde(deserialize_with = "known_source")]
+    pub source: Known,
     /// Which dilatation it bounds.
     pub kind: Kind,
     /// The bound, >= 1 and finite.
@@ -114,6 +139,44 @@ pub struct LowerBound {
     pub reason: String,
     /// Where it is attained.
     pub place: Option<Place>,
+}
+
+/// A text that this version knows. By this name, since serde would borrow a `&'static str` from what it reads.
+pub type Known = &'static str;
+
+/// Every bound there is: its name and its source.
+const KNOWN: [(&str, &str); 14] = [
+    ("locked", "docs of qcball::bound::locked"),
+    ("trace", "docs of qcball::bound::trace"),
+    ("edge-ratio", "paper eq. 42, docs of qcball::bound::edge_ratio"),
+    ("fan", "docs of qcball::bound::fan"),
+    ("end-fan", "docs of qcball::bound::end_fan"),
+    ("vertex", "docs of qcball::bound::vertex"),
+    ("apex", "docs of qcball::bound::apex"),
+    ("gram", "docs of qcball::bound::certificate"),
+    ("wedge", "paper eq. 39, 44"),
+    ("caraman", "paper eq. 41, after Caraman 1974"),
+    ("vertex-smooth", "docs of qcball::bound::vertex_smooth"),
+    ("trace-smooth", "docs of qcball::bound::trace_smooth"),
+    ("trace-smooth-c1", "docs of qcball::bound::trace_smooth"),
+    ("edge-limit", "docs of qcball::bound::edge_limit"),
+];
+
+fn known_name<'de, D: Deserializer<'de>>(deserializer: D) -> Result<&'static str, D::Error> {
+    known(deserializer, KNOWN.map(|(name, _)| name))
+}
+
+fn known_source<'de, D: Deserializer<'de>>(deserializer: D) -> Result<&'static str, D::Error> {
+    known(deserializer, KNOWN.map(|(_, source)| source))
+}
+
+fn known<'de, D: Deserializer<'de>>(
+    deserializer: D,
+    all: [&'static str; KNOWN.len()],
+) -> Result<&'static str, D::Error> {
+    let given = String::deserialize(deserializer)?;
+    let found = all.into_iter().find(|known| *known == given);
+    found.ok_or_else(|| serde::de::Error::custom(format!("{given:?} is of no bound that this version knows")))
 }
 
 impl LowerBound {
@@ -142,17 +205,34 @@ impl LowerBound {
 /// # Panics
 /// If `image` has fewer positions than the domain has vertices.
 pub fn all(domain: &Domain, image: &[Vec3], centre: Option<Vec3>, radial_trace: bool) -> Vec<LowerBound> {
+    all_until(domain, image, centre, radial_trace, &Cancel::default())
+}
+
+/// The same until it is cancelled: the bounds that were computed by then.
+///
+/// # Panics
+/// If `image` has fewer positions than the domain has vertices.
+pub fn all_until(
+    domain: &Domain,
+    image: &[Vec3],
+    centre: Option<Vec3>,
+    radial_trace: bool,
+    cancel: &Cancel,
+) -> Vec<LowerBound> {
+    let mut bounds = Vec::new();
+    if cancel.is_due() {
+        return bounds;
+    }
     let edges = BoundaryEdges::of(domain.mesh(), domain.boundary());
     let features = Features::of(domain.mesh(), domain.boundary(), &edges);
     let boundary_image = BoundaryImage::new(domain, &edges, image);
-    let mut bounds = Vec::new();
     bounds.extend(locked(domain, image));
     bounds.extend(trace(domain, image));
     bounds.extend(edge_ratio(domain, &edges, boundary_image));
     bounds.extend(fan(domain, &edges, boundary_image));
     bounds.extend(end_fan(domain, &edges, boundary_image));
     bounds.extend(vertex(domain, &edges, boundary_image));
-    bounds.extend(apex(domain, image));
+    bounds.extend(apex(domain, image, cancel));
     if is_inscribed(domain, image) {
         bounds.extend(wedge(domain, &edges));
         bounds.extend(caraman(&features));

@@ -258,7 +258,7 @@ fn the_best_map_of_a_fan_is_proved_to_be_best() {
         let fixed = domain.boundary().vertex_mask();
         let outcome = optimize(&domain, &start, fixed, &settings, &mut |_| {}).unwrap();
         let reached = measure(&domain, &outcome.positions).summary.max_k;
-        let bound = apex(&domain, &start).into_iter().map(|bound| bound.value).fold(1.0, f64::max);
+        let bound = apex(&domain, &start, &Cancel::default()).into_iter().map(|bound| bound.value).fold(1.0, f64::max);
         // The accuracies of the optimizer's end and of the bound's search, 1e-6 and 1e-7 in ln K.
         assert!(bound <= reached && bound >= reached * (1.0 - 2e-6), "{bound} {reached} {:?}", outcome.stop);
     }

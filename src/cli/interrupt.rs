@@ -1,6 +1,6 @@
 //! Ctrl-C and the like: the best iterates are still written.
 
-use crate::optimize::Cancel;
+use crate::cancel::Cancel;
 
 /// Exit code of a program that a signal ended: 128 + SIGINT.
 pub(super) const EXIT_CODE: u8 = 130;

@@ -7,6 +7,7 @@ use clap::Args;
 use serde::Serialize;
 
 use super::inputs::{positive, read_map, refuse_to_write_over};
+use super::interrupt::cancel_on_signal;
 use super::output::{note, print};
 use super::{Ending, Failure};
 use crate::bound::certificate::{self, DEFAULT_TIME_LIMIT};
@@ -142,12 +143,14 @@ pub(super) fn bound_map(arguments: &BoundArguments) -> Result<Ending, Failure> {
     if let Some(path) = &arguments.certificate {
         refuse_to_write_over([rest, image], [path])?;
     }
-    let GivenMap { domain, image, .. } = read_map(rest, image)?;
+    let GivenMap { domain, image, units: [unit, _], .. } = read_map(rest, image)?;
+    let cancel = cancel_on_signal();
     let max_k = measure(&domain, &image).summary.max_k;
-    let mut bounds = bound::all(&domain, &image, None, false);
+    let mut bounds = bound::all_until(&domain, &image, None, false, &cancel);
     let mut found = true;
     if arguments.certify {
-        let certificate = certificate::search(&domain, &image, Duration::from_secs_f64(arguments.time_limit));
+        let certificate =
+            certificate::search(&domain, &image, &cancel.within(Duration::from_secs_f64(arguments.time_limit)));
         let bound = certificate.as_ref().and_then(|found| certificate::bound(found, &domain, &image).ok());
         match (&certificate, &arguments.certificate) {
             (Some(certificate), Some(path)) => write_certificate(path, certificate)?,
@@ -159,6 +162,7 @@ pub(super) fn bound_map(arguments: &BoundArguments) -> Result<Ending, Failure> {
         }
         bounds.extend(bound);
     }
+    bounds.iter_mut().for_each(|bound| bound.place = bound.place.take().map(|place| unit.give_back_place(place)));
     let best = BestBound::of(&bounds, max_k);
     let limit = Limit::of(max_k, &bounds, None);
     if *json {
@@ -166,5 +170,9 @@ pub(super) fn bound_map(arguments: &BoundArguments) -> Result<Ending, Failure> {
     } else {
         print(&bounds_table(&bounds, best, &limit))?;
     }
-    Ok(if found { Ending::Done } else { Ending::Unfulfilled })
+    Ok(match found {
+        _ if cancel.is_raised() => Ending::Interrupted,
+        true => Ending::Done,
+        false => Ending::Unfulfilled,
+    })
 }

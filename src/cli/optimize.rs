@@ -6,13 +6,15 @@ use std::time::Duration;
 use clap::Args;
 
 use super::inputs::{positive, read_map, refuse_to_write_over};
+use super::interrupt::cancel_on_signal;
 use super::output::print;
 use super::progress::Progress;
 use super::{Ending, Failure};
+use crate::cancel::Cancel;
 use crate::config::optimize_settings;
 use crate::experiment::{RunError, on_threads, optimize_map, read_locks};
 use crate::mesh::io::{CellData, check_tets_can_be_written, write_tets};
-use crate::optimize::{Cancel, Engine, Objective, OptimizeSettings, Polish};
+use crate::optimize::{Engine, Objective, OptimizeSettings, Polish, StopReason};
 use crate::report::{map_summary, to_json, write_trace};
 
 /// The map and how it is improved.
@@ -52,7 +54,7 @@ pub(crate) struct OptimizeArguments {
     /// Most iterations over all phases.
     #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = OptimizeSettings::default().max_iterations)]
     max_iterations: usize,
-    /// Most seconds of optimizing.
+    /// Most seconds of untangling and optimizing.
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = positive)]
     time_limit: Option<f64>,
     /// Number of threads; 0 for all cores.
@@ -88,7 +90,7 @@ pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure>
         time_limit: arguments.time_limit.map(Duration::from_secs_f64),
         cancel: Cancel::default(),
     };
-    let settings = from_config.unwrap_or(settings);
+    let settings = OptimizeSettings { cancel: cancel_on_signal(), ..from_config.unwrap_or(settings) };
     let progress = Progress::new(arguments.quiet);
     let optimized = on_threads(usize::from(arguments.threads), || {
         optimize_map(map, fixed, arguments.keep_mesh, &settings, &mut |row| progress.show(row))
@@ -98,10 +100,15 @@ pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure>
     let optimized = optimized.map_err(RunError::at(&origin))?;
     let tets = optimized.domain.mesh().tets();
     let mut written = arguments.out.display().to_string();
-    if optimized.report.splits.is_some() {
+    if optimized.report.achieved.splits.is_some() {
         // The image has vertices that REST lacks: the domain it belongs to goes beside it.
         let domain = beside(&arguments.out);
-        write_tets(&domain, optimized.domain.mesh().points(), tets, &CellData::new())?;
+        write_tets(
+            &domain,
+            &optimized.unit.give_back_points(optimized.domain.mesh().points()),
+            tets,
+            &CellData::new(),
+        )?;
         written = format!("{written}, the split domain in {}", domain.display());
     }
     if let Some(path) = &arguments.trace {
@@ -113,7 +120,11 @@ pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure>
     } else if !arguments.quiet {
         print(&format!("{}image       {written}\n", map_summary(&optimized.report)))?;
     }
-    Ok(if optimized.report.last.flipped == 0 { Ending::Done } else { Ending::Unfulfilled })
+    Ok(match &optimized.report {
+        report if report.achieved.stop == StopReason::Cancelled => Ending::Interrupted,
+        report if report.achieved.last.flipped == 0 => Ending::Done,
+        _ => Ending::Unfulfilled,
+    })
 }
 
 /// Refuses to write over what is read: the inputs may have no other copy.

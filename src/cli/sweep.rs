@@ -12,7 +12,7 @@ use super::output::{fault, note, print};
 use super::{Ending, Failure, interrupt, pages_are_written};
 use crate::experiment;
 use crate::mesh::io::WriteError;
-use crate::report::Report;
+use crate::report::{Report, write_pages};
 use crate::sweep::{
     Case, Ended, Event, Shard, SlurmJob, State, Sweep, SweepFolder, SweepSettings, Tally, run, write_index, write_slurm,
 };
@@ -124,7 +124,7 @@ fn end(arguments: &SweepArguments, tally: Tally, folder: &SweepFolder, index: Op
         (tally.cases - tally.done - tally.failed, "not done"),
     ];
     // Without an index there is nothing to show yet.
-    let page = index.is_none() || pages_are_written(folder.path());
+    let page = index.is_none() || pages_are_written(folder.path(), write_pages(folder.path()));
     let all = unfulfilled.iter().all(|&(count, _)| count == 0) && page;
     if !arguments.quiet {
         let mut words = format!("{} of {} cases done", tally.done, tally.cases);
@@ -271,7 +271,8 @@ fn how(ended: &Ended) -> String {
 }
 
 fn in_short(report: &Report) -> String {
-    let (max_k, mean_k, seconds) = (report.last.max_k, report.last.mean_k, report.times.seconds);
-    let stop = serde_json::json!(report.stop);
+    let (max_k, mean_k, seconds) =
+        (report.achieved.last.max_k, report.achieved.last.mean_k, report.achieved.times.seconds);
+    let stop = serde_json::json!(report.achieved.stop);
     format!("max K {max_k:.4}, mean {mean_k:.4}, {}, {seconds:.1} s", stop.as_str().unwrap_or_default())
 }

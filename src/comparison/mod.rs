@@ -8,6 +8,7 @@ pub use table::{table, write_results};
 
 use serde::Serialize;
 
+use crate::cancel::Cancel;
 use crate::config::{AnalyticMeshPlan, AnalyticPlan, CaramanPlan, CellsPlan, MapPlan, MeshPlan};
 use crate::estimate::{Estimate, EstimateSummary, Estimator, Weights, at_vertices, measure, on_cells};
 use crate::map::AnalyticMap;
@@ -208,7 +209,9 @@ impl Mesh {
     fn of(plan: &AnalyticMeshPlan, surface: &Surface) -> Result<Option<Self>, Fault> {
         Ok(Some(match &plan.cells {
             CellsPlan::Voxels(voxels) => Self::Boxes(voxelize(surface, *voxels)?),
-            CellsPlan::Tets(MeshPlan::External(settings)) => Self::Tets(external_mesh(surface, settings)?),
+            CellsPlan::Tets(MeshPlan::External(settings)) => {
+                Self::Tets(external_mesh(surface, settings, &Cancel::default())?)
+            }
             CellsPlan::Tets(MeshPlan::Shell(settings)) => {
                 let centre = star_centre(surface, &plan.centre)?;
                 Self::Tets(shell_mesh(surface, centre.position, settings)?.mesh)

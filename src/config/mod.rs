@@ -297,7 +297,7 @@ pub struct OptimizeTable {
     /// Most iterations over all phases; 0 measures the start only. Default: 1000.
     #[schemars(range(min = 0))]
     pub max_iterations: Option<i64>,
-    /// Most seconds of optimizing, > 0. Default: no limit. A run that ends by it need not be repeatable.
+    /// Most seconds of untangling and optimizing, > 0. Default: no limit. A run that ends by it need not be repeatable.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub time_limit: Option<f64>,
 }

@@ -9,9 +9,10 @@ use super::map::{self, InitialMap};
 use super::mesh::{self, MeshPlan};
 use super::{Config, ConfigSource, ObjectiveName, OptimizeTable, PolishName, solid};
 use crate::bound::certificate::DEFAULT_TIME_LIMIT;
+use crate::mesh::Unit;
 use crate::mesh::io::{ReadError, holds_a_surface, holds_tets};
 use crate::optimize::{Objective, OptimizeSettings, Polish};
-use crate::solid::{CentreChoice, Solid};
+use crate::solid::{CentreChoice, Refinement, Solid};
 
 /// A run that can be started.
 #[derive(Clone, Debug)]
@@ -51,6 +52,15 @@ pub enum DomainSource {
     Mesh(PathBuf),
 }
 
+impl std::fmt::Display for DomainSource {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Solid(solid) => write!(f, "{solid}"),
+            Self::Surface(path) | Self::Mesh(path) => write!(f, "{}", path.display()),
+        }
+    }
+}
+
 impl Plan {
     /// Reads a config, applies the overrides `key.path=value` and checks what they mean together.
     ///
@@ -58,7 +68,12 @@ impl Plan {
     /// The first fault, with the file, line and key or the override to blame, and what to do.
     pub fn read(path: &Path, overrides: &[String]) -> Result<Self, ConfigError> {
         let (source, config) = ConfigSource::read(path, overrides)?;
-        Self::new(&source, &config).map_err(|fault| source.error(fault))
+        Self::of_source(&source, &config)
+    }
+
+    /// The same of a config that was read.
+    pub(crate) fn of_source(source: &ConfigSource, config: &Config) -> Result<Self, ConfigError> {
+        Self::new(source, config).map_err(|fault| source.error(fault))
     }
 
     pub(super) fn new(source: &ConfigSource, config: &Config) -> Result<Self, Fault> {
@@ -75,6 +90,38 @@ impl Plan {
             optimize: optimize(config)?,
             certify: certify(config)?,
         })
+    }
+}
+
+impl Plan {
+    /// The plan with its lengths counted in another unit.
+    pub(crate) fn in_unit(&self, unit: Unit) -> Self {
+        let length = |length| unit.take(length, 1);
+        let mesh = match &self.mesh {
+            MeshPlan::Shell(settings) => {
+                let mut settings = settings.clone();
+                if let Some(Refinement::EdgeLength(edge)) = &mut settings.refinement {
+                    *edge = length(*edge);
+                }
+                MeshPlan::Shell(settings)
+            }
+            // Counted in parts of the solid.
+            MeshPlan::Flag(settings) => MeshPlan::Flag(settings.clone()),
+            MeshPlan::External(settings) => {
+                let mut settings = settings.clone();
+                settings.max_volume = settings.max_volume.map(|volume| unit.take(volume, 3));
+                if let Some(sizing) = &mut settings.sizing {
+                    sizing.edge_length = length(sizing.edge_length);
+                    sizing.feature_edge_length = length(sizing.feature_edge_length);
+                }
+                MeshPlan::External(settings)
+            }
+        };
+        let centre = match &self.centre {
+            CentreChoice::At(point) => CentreChoice::At(point.map(length)),
+            rule => rule.clone(),
+        };
+        Self { mesh, centre, ..self.clone() }
     }
 }
 

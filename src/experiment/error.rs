@@ -41,6 +41,9 @@ pub enum RunError {
         /// Where they differ.
         difference: String,
     },
+    /// It was interrupted before there was a map.
+    #[error("interrupted before there was a map; nothing was written")]
+    Interrupted,
     /// The threads asked for cannot be had.
     #[error("cannot start {threads} threads: {message}; ask for fewer")]
     Threads {

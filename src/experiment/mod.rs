@@ -2,24 +2,24 @@
 
 mod error;
 mod optimize_map;
+mod record;
 mod start;
 
 use std::time::Instant;
 
 use crate::bound::certificate::{self, Certificate};
-use crate::bound::{self, LowerBound};
+use crate::cancel::Cancel;
 use crate::config::Plan;
-use crate::dilatation::lower_bound;
 use crate::domain::Domain;
-use crate::map::bijectivity;
-use crate::measure::{Measured, bottleneck, measure};
-use crate::mesh::{TetId, Vec3};
-use crate::optimize::{Outcome, TraceRow, untangle_and_optimize};
-use crate::report::{BestBound, DomainFigures, Limit, MapRecord, Report, Times, UntanglingFigures};
+use crate::measure::{Measured, measure};
+use crate::mesh::{TetId, Unit, Vec3};
+use crate::optimize::{Outcome, StopReason, TraceRow, untangle_and_optimize};
+use crate::report::{MapRecord, Report, Times, UntanglingFigures, trace_hash};
 
 pub use error::{Fault, RunError};
 pub use optimize_map::{GivenMap, OptimizedMap, optimize_map, read_locks};
-use start::Start;
+pub(crate) use record::{Course, Heading, bounds, record};
+pub(crate) use start::Start;
 
 /// Relative distance below the largest K within which a tet counts as active.
 const ACTIVE: f64 = 1e-3;
@@ -43,6 +43,8 @@ pub struct Finished {
     pub active: Vec<TetId>,
     /// The certificate of the bound "gram", if the plan asks for one and one was found.
     pub certificate: Option<Certificate>,
+    /// The units in which lengths of the domain and of the images are counted here; reports and files give them back.
+    pub units: [Unit; 2],
 }
 
 impl Finished {
@@ -57,6 +59,7 @@ impl Finished {
             active: &self.active,
             trace: &self.outcome.trace,
             certificate: self.certificate.as_ref(),
+            units: self.units,
         }
     }
 }
@@ -81,61 +84,44 @@ pub fn on_threads<T: Send>(threads: usize, job: impl FnOnce() -> T + Send) -> Re
 
 fn stages(plan: &Plan, observe: &mut dyn FnMut(&TraceRow)) -> Result<Finished, RunError> {
     let clock = Instant::now();
-    let Start { origin, domain, centre, image: initial, map, splits, mut warnings } = Start::of(plan)?;
-    let measured_initial = measure(&domain, &initial);
+    let cancel = &plan.optimize.cancel;
+    let start = match Start::of(plan) {
+        // A mesher that was ended is no fault of the input.
+        Err(_) if cancel.is_raised() => return Err(RunError::Interrupted),
+        start => start?,
+    };
+    let domain = &start.domain;
+    let measured_initial = measure(domain, &start.image);
     let fixed = domain.boundary().vertex_mask();
-    let (untangled, outcome) =
-        untangle_and_optimize(&domain, &initial, fixed, &plan.optimize, observe).map_err(RunError::at(&origin))?;
-    let measured = measure(&domain, &outcome.positions);
-    let active = measured.active(ACTIVE);
-    let mut bounds = bound::all(&domain, &outcome.positions, centre.map(|c| c.position), centre.is_some());
-    let certificate = plan.certify.and_then(|limit| certificate::search(&domain, &outcome.positions, limit));
-    bounds.extend(certificate.as_ref().and_then(|found| certificate::bound(found, &domain, &outcome.positions).ok()));
-    warnings.extend(locked_warning(&domain, &bounds));
-    let bijectivity = bijectivity(&domain, &outcome.positions);
-    let report = Report {
-        name: plan.name.clone(),
-        version: Report::VERSION,
-        revision: Report::REVISION,
-        config: plan.source.path().display().to_string(),
-        config_hash: plan.source.hash().to_string(),
-        overrides: plan.source.overrides().map(String::from).collect(),
-        seed: plan.seed,
-        domain: DomainFigures::of(&domain, origin, centre.as_ref()),
-        splits,
-        map,
-        initial: measured_initial.summary.clone(),
-        untangling: UntanglingFigures::of(&domain, measured_initial.summary.flipped, &untangled),
-        last: measured.summary.clone(),
-        bijective: bijectivity.bijective,
-        bijective_reason: bijectivity.reason,
-        active: active.len(),
-        bottleneck: bottleneck(&domain, &measured),
-        best: BestBound::of(&bounds, measured.summary.max_k),
-        limit: Limit::of(measured.summary.max_k, &bounds, Some((outcome.stop, outcome.kkt))),
-        bounds,
-        stop: outcome.stop,
+    let (untangled, outcome) = untangle_and_optimize(domain, &start.image, fixed, &plan.optimize, observe)
+        .map_err(RunError::at(&start.origin))?;
+    let measured = measure(domain, &outcome.positions);
+    let search = |limit| certificate::search(domain, &outcome.positions, &cancel.within(limit));
+    let certificate = plan.certify.and_then(search);
+    let bounds = bounds(&start, &outcome.positions, certificate.as_ref(), cancel);
+    let course = Course {
+        untangling: UntanglingFigures::of(domain, measured_initial.summary.flipped, &untangled),
+        stop: interrupted(cancel).unwrap_or(outcome.stop),
         kkt: outcome.kkt,
         iterations: outcome.trace.len().saturating_sub(1),
-        warnings,
-        config_text: plan.source.text().to_string(),
         times: Times::since(clock, untangled.seconds),
     };
-    Ok(Finished { report, domain, initial, outcome, measured_initial, measured, active, certificate })
+    let heading = Heading { name: &plan.name, seed: plan.seed, source: &plan.source };
+    let report = record(
+        &heading,
+        &start,
+        &outcome.positions,
+        (&measured_initial, &measured),
+        bounds,
+        course,
+        trace_hash(&outcome.trace),
+    );
+    let active = measured.active(ACTIVE);
+    let Start { domain, image: initial, units, .. } = start;
+    Ok(Finished { report, domain, initial, outcome, measured_initial, measured, active, certificate, units })
 }
 
-/// Names the tets that a kept mesh locks, and what they force.
-fn locked_warning(domain: &Domain, bounds: &[LowerBound]) -> Option<String> {
-    /// More of them would not be read.
-    const NAMED: usize = 8;
-    let locked: Vec<u32> = domain.locked_tets().map(|tet| tet.0).collect();
-    let forced = bounds.iter().find(|bound| bound.name == "locked")?;
-    let named: Vec<String> = locked.iter().take(NAMED).map(u32::to_string).collect();
-    Some(format!(
-        "{} tets are locked, all their vertices being on the boundary: {}{}; whatever the inside does, they force K >= {}",
-        locked.len(),
-        named.join(", "),
-        if locked.len() > NAMED { ", ..." } else { "" },
-        lower_bound(forced.value)
-    ))
+/// The stop reason of a run that was interrupted at any stage: what was to follow is not whole.
+fn interrupted(cancel: &Cancel) -> Option<StopReason> {
+    cancel.is_raised().then_some(StopReason::Cancelled)
 }

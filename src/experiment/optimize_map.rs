@@ -3,15 +3,16 @@
 use std::path::Path;
 use std::time::Instant;
 
-use super::ACTIVE;
 use super::error::{Fault, RunError};
+use super::interrupted;
+use super::record::Course;
 use crate::bound;
 use crate::domain::Domain;
 use crate::measure::measure;
 use crate::mesh::io::{ReadError, read_tets};
-use crate::mesh::{TetMesh, TetSoup, Vec3, full_boundary};
+use crate::mesh::{TetMesh, TetSoup, Unit, Vec3, full_boundary};
 use crate::optimize::{OptimizeSettings, TraceRow, untangle_and_optimize};
-use crate::report::{BestBound, Limit, MapReport, Splits, Times, UntanglingFigures};
+use crate::report::{MapReport, Splits, Times, UntanglingFigures};
 
 /// A map given by two files: a mesh and the same mesh with moved vertices.
 #[derive(Debug)]
@@ -22,6 +23,8 @@ pub struct GivenMap {
     pub image: Vec<Vec3>,
     /// How many tets the domain's file stores with negative orientation; two vertices of each were exchanged.
     pub exchanged: usize,
+    /// The units in which lengths of the domain and of the image are counted here.
+    pub units: [Unit; 2],
 }
 
 impl GivenMap {
@@ -31,15 +34,20 @@ impl GivenMap {
     /// # Errors
     /// A file that cannot be read, meshes of different connectivity, or a domain with a flat tet.
     pub fn read(rest: &Path, image: &Path) -> Result<Self, RunError> {
-        let [first, second] = [read_tets(rest)?, read_tets(image)?];
+        let [mut first, mut second] = [read_tets(rest)?, read_tets(image)?];
         if let Some(difference) = difference(&first, &second) {
             return Err(RunError::Mismatch { rest: rest.into(), image: image.into(), difference });
         }
+        let units = [&mut first, &mut second].map(|soup| {
+            let unit = Unit::of(&soup.points);
+            soup.points = unit.take_points(&soup.points);
+            unit
+        });
         let origin = rest.display().to_string();
         let (mesh, exchanged) =
             TetMesh::from_either_orientation(first.points, first.tets).map_err(RunError::at(&origin))?;
         let domain = Domain::any_topology(mesh).map_err(RunError::at(&origin))?;
-        Ok(Self { domain, image: second.points, exchanged })
+        Ok(Self { domain, image: second.points, exchanged, units })
     }
 }
 
@@ -111,7 +119,9 @@ pub struct OptimizedMap {
     pub report: MapReport,
     /// The domain, split if locked tets had to be freed.
     pub domain: Domain,
-    /// Image positions.
+    /// The unit in which lengths of the domain are counted here.
+    pub unit: Unit,
+    /// Image positions, as they were given.
     pub positions: Vec<Vec3>,
     /// One row an iteration.
     pub trace: Vec<TraceRow>,
@@ -130,7 +140,7 @@ pub fn optimize_map(
     observe: &mut dyn FnMut(&TraceRow),
 ) -> Result<OptimizedMap, Fault> {
     let clock = Instant::now();
-    let GivenMap { mut domain, mut image, .. } = map;
+    let GivenMap { mut domain, mut image, units: [unit, of_image], .. } = map;
     let mut splits = None;
     if fixed.is_none() && !keep_mesh {
         let full = full_boundary(domain.mesh(), domain.boundary())?;
@@ -142,28 +152,30 @@ pub fn optimize_map(
         }
     }
     let fixed = fixed.unwrap_or_else(|| domain.boundary().vertex_mask().to_vec());
-    let initial = measure(&domain, &image).summary;
+    let before = measure(&domain, &image);
     let (untangled, outcome) = untangle_and_optimize(&domain, &image, &fixed, settings, observe)?;
-    let measured = measure(&domain, &outcome.positions);
+    let after = measure(&domain, &outcome.positions);
     let boundary_is_fixed = domain.boundary().vertex_mask().iter().zip(&fixed).all(|(&on, &fixed)| fixed || !on);
-    let bounds = if boundary_is_fixed { bound::all(&domain, &outcome.positions, None, false) } else { Vec::new() };
+    let mut bounds = if boundary_is_fixed {
+        bound::all_until(&domain, &outcome.positions, None, false, &settings.cancel)
+    } else {
+        Vec::new()
+    };
+    bounds.iter_mut().for_each(|bound| bound.place = bound.place.take().map(|place| unit.give_back_place(place)));
+    let course = Course {
+        untangling: UntanglingFigures::of(&domain, before.summary.flipped, &untangled),
+        stop: interrupted(&settings.cancel).unwrap_or(outcome.stop),
+        kkt: outcome.kkt,
+        iterations: outcome.trace.len().saturating_sub(1),
+        times: Times::since(clock, untangled.seconds),
+    };
     let report = MapReport {
         vertices: domain.mesh().points().len(),
         tets: domain.mesh().tets().len(),
         locked: domain.mesh().tets().iter().filter(|tet| tet.iter().all(|v| fixed[v.index()])).count(),
         fixed: fixed.iter().filter(|&&fixed| fixed).count(),
-        splits,
-        untangling: UntanglingFigures::of(&domain, initial.flipped, &untangled),
-        initial,
-        active: measured.active(ACTIVE).len(),
-        best: BestBound::of(&bounds, measured.summary.max_k),
-        limit: Limit::of(measured.summary.max_k, &bounds, Some((outcome.stop, outcome.kkt))),
-        bounds,
-        last: measured.summary,
-        stop: outcome.stop,
-        kkt: outcome.kkt,
-        iterations: outcome.trace.len().saturating_sub(1),
-        times: Times::since(clock, untangled.seconds),
+        achieved: course.achieved(splits, (&before, &after), bounds),
     };
-    Ok(OptimizedMap { report, domain, positions: outcome.positions, trace: outcome.trace })
+    let positions = of_image.give_back_points(&outcome.positions);
+    Ok(OptimizedMap { report, domain, unit, positions, trace: outcome.trace })
 }

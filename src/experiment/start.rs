@@ -6,18 +6,24 @@ use super::error::{Fault, RunError};
 use crate::config::{DomainSource, InitialMap, MeshPlan, Plan};
 use crate::domain::Domain;
 use crate::map::{AnalyticMap, RadialCoordinates, RayEnd, caraman};
-use crate::mesh::io::{read_surface, read_tets};
-use crate::mesh::{Orientation, TetMesh, Vec3, full_boundary, orientation};
+use crate::mesh::io::{ReadError, read_surface, read_tets};
+use crate::mesh::{Orientation, TetMesh, TetSoup, Unit, Vec3, full_boundary, orientation};
 use crate::report::{MapFigures, Splits};
 use crate::solid::{
-    StarCentre, Surface, best_radial_exponent, external_mesh, flag_mesh, radial_max_dilatation, shell_mesh, star_centre,
+    ExternalSettings, StarCentre, Surface, best_radial_exponent, check_filled, external_mesh, flag_mesh,
+    radial_max_dilatation, shell_mesh, star_centre,
 };
 
 /// A domain and a map of it.
-pub(super) struct Start {
+#[derive(Clone)]
+pub(crate) struct Start {
     /// The solid or its file, in words.
     pub origin: String,
+    /// blake3 of the file; `None` for built-in solids.
+    pub input_hash: Option<String>,
     pub domain: Domain,
+    /// The units in which lengths of the domain and of the image are counted here.
+    pub units: [Unit; 2],
     /// The star centre of the radial map; `None` for other maps.
     pub centre: Option<StarCentre>,
     /// Image positions.
@@ -30,24 +36,75 @@ pub(super) struct Start {
 
 impl Start {
     pub fn of(plan: &Plan) -> Result<Self, RunError> {
-        let origin = match &plan.domain {
-            DomainSource::Solid(solid) => solid.to_string(),
-            DomainSource::Surface(path) | DomainSource::Mesh(path) => path.display().to_string(),
-        };
-        let at = |fault| RunError::Fault { origin: origin.clone(), fault };
-        let mut start = match &plan.domain {
-            DomainSource::Solid(solid) => Self::of_surface(&solid.surface()?, plan).map_err(at),
-            DomainSource::Surface(path) => {
-                let surface = Surface::from_soup(read_surface(path)?).map_err(RunError::at(&origin))?;
-                Self::of_surface(&surface, plan).map_err(at)
+        match &plan.domain {
+            DomainSource::Solid(solid) => {
+                let origin = solid.to_string();
+                let start =
+                    Self::of_surface(&solid.surface()?, plan, Unit::default()).map_err(RunError::at(&origin))?;
+                Ok(Self { origin, ..start })
             }
-            DomainSource::Mesh(path) => Self::of_mesh(path, plan),
-        }?;
-        start.origin = origin;
-        Ok(start)
+            DomainSource::Surface(path) => {
+                let (surface, unit) = surface_of(path)?;
+                let start =
+                    Self::of_surface(&surface, &plan.in_unit(unit), unit).map_err(RunError::at(&named(path, unit)))?;
+                start.of_file(path, unit)
+            }
+            DomainSource::Mesh(path) => {
+                let mut soup = read_tets(path)?;
+                let unit = Unit::of_extreme(&soup.points);
+                soup.points = unit.take_points(&soup.points);
+                let start = Self::of_mesh(soup, &plan.in_unit(unit), unit).map_err(RunError::at(&named(path, unit)))?;
+                start.of_file(path, unit)
+            }
+        }
     }
 
-    fn of_surface(surface: &Surface, plan: &Plan) -> Result<Self, Fault> {
+    /// The same on a domain that is there, where an external mesher made it from the plan's solid; lengths of the domain are
+    /// counted in `unit`.
+    pub fn on(plan: &Plan, settings: &ExternalSettings, domain: Domain, unit: Unit) -> Result<Self, RunError> {
+        let (path, surface) = match &plan.domain {
+            DomainSource::Solid(solid) => (None, solid.surface()?),
+            DomainSource::Surface(path) | DomainSource::Mesh(path) => {
+                let (surface, of_file) = surface_of(path)?;
+                (Some(path), surface.in_unit(unit.times(of_file.inverse())))
+            }
+        };
+        let origin = path.map_or_else(|| plan.domain.to_string(), |path| named(path, unit));
+        check_filled(domain.mesh(), &surface, settings).map_err(RunError::at(&origin))?;
+        let plan = plan.in_unit(unit);
+        let mut start = Self::of_domain(domain, &surface, &plan, unit).map_err(RunError::at(&origin))?;
+        start.warn_of(&surface);
+        match path {
+            Some(path) => start.of_file(path, unit),
+            None => Ok(Self { origin, ..start }),
+        }
+    }
+
+    /// What came from a file, its domain counted in a unit; from here on the unit follows from its size, so that nothing
+    /// depends on the one in the file.
+    fn of_file(self, path: &Path, unit: Unit) -> Result<Self, RunError> {
+        let rest = Unit::of(self.domain.mesh().points());
+        Ok(Self {
+            origin: path.display().to_string(),
+            input_hash: Some(hash_of(path)?),
+            domain: self.domain.in_unit(rest),
+            units: [unit.times(rest), self.units[1]],
+            centre: self.centre.map(|centre| StarCentre {
+                position: centre.position.map(|x| rest.take(x, 1)),
+                kernel_radius: rest.take(centre.kernel_radius, 1),
+                ..centre
+            }),
+            ..self
+        })
+    }
+
+    fn warn_of(&mut self, surface: &Surface) {
+        if surface.was_inside_out() {
+            self.warnings.push("the surface was inside out; all its triangles were reversed".into());
+        }
+    }
+
+    fn of_surface(surface: &Surface, plan: &Plan, unit: Unit) -> Result<Self, Fault> {
         let mut start = match &plan.mesh {
             MeshPlan::Shell(settings) => {
                 let centre = star_centre(surface, &plan.centre)?;
@@ -55,36 +112,32 @@ impl Start {
                 let coordinates = RadialCoordinates::of_shell(&shell);
                 let domain = Domain::new(shell.mesh)?;
                 match &plan.map {
-                    InitialMap::Formula(map) => Self::of_formula(domain, map)?,
+                    InitialMap::Formula(map) => Self::of_formula(domain, map, unit)?,
                     _ => Self::of_rays(domain, surface, Some(centre), &coordinates, plan),
                 }
             }
             MeshPlan::Flag(settings) => {
                 let centre = star_centre(surface, &plan.centre)?;
                 let flags = flag_mesh(surface, centre.position, settings)?;
-                Self::of_domain(Domain::new(flags.mesh)?, surface, plan)?
+                Self::of_domain(Domain::new(flags.mesh)?, surface, plan, unit)?
             }
-            MeshPlan::External(settings) => {
-                Self::of_domain(Domain::new(external_mesh(surface, settings)?)?, surface, plan)?
-            }
+            MeshPlan::External(settings) => Self::of_domain(
+                Domain::new(external_mesh(surface, settings, &plan.optimize.cancel)?)?,
+                surface,
+                plan,
+                unit,
+            )?,
         };
-        if surface.was_inside_out() {
-            start.warnings.push("the surface was inside out; all its triangles were reversed".into());
-        }
+        start.warn_of(surface);
         Ok(start)
     }
 
-    fn of_mesh(path: &Path, plan: &Plan) -> Result<Self, RunError> {
-        let origin = path.display().to_string();
-        let soup = read_tets(path)?;
+    fn of_mesh(soup: TetSoup, plan: &Plan, unit: Unit) -> Result<Self, Fault> {
         let count = soup.tets.len();
-        let (mesh, exchanged) =
-            TetMesh::from_either_orientation(soup.points, soup.tets).map_err(RunError::at(&origin))?;
-        let domain = Domain::new(mesh).map_err(RunError::at(&origin))?;
-        let at = |fault| RunError::Fault { origin: origin.clone(), fault };
-        let surface = Surface::from_triangles(domain.mesh().points().to_vec(), domain.boundary().triangles());
-        let surface = surface.map_err(RunError::at(&origin))?;
-        let mut start = Self::of_domain(domain, &surface, plan).map_err(at)?;
+        let (mesh, exchanged) = TetMesh::from_either_orientation(soup.points, soup.tets)?;
+        let domain = Domain::new(mesh)?;
+        let surface = Surface::from_triangles(domain.mesh().points().to_vec(), domain.boundary().triangles())?;
+        let mut start = Self::of_domain(domain, &surface, plan, unit)?;
         if exchanged > 0 {
             start.warnings.push(format!(
                 "{exchanged} of {count} tets were stored with negative orientation; two vertices of each were exchanged"
@@ -94,10 +147,10 @@ impl Start {
     }
 
     /// Frees a mesh's locked tets and maps its vertices.
-    fn of_domain(domain: Domain, surface: &Surface, plan: &Plan) -> Result<Self, Fault> {
+    fn of_domain(domain: Domain, surface: &Surface, plan: &Plan, unit: Unit) -> Result<Self, Fault> {
         let (domain, splits) = freed(domain, plan.keep_mesh)?;
         let (position, centre, end) = match (&plan.map, plan.centre.point(surface)) {
-            (InitialMap::Formula(map), _) => return Ok(Self { splits, ..Self::of_formula(domain, map)? }),
+            (InitialMap::Formula(map), _) => return Ok(Self { splits, ..Self::of_formula(domain, map, unit)? }),
             // The plan allows "farthest" only with a rule that names a point for any solid.
             (InitialMap::Farthest { .. }, Some(point)) => (point, None, RayEnd::Farthest),
             _ => {
@@ -140,13 +193,23 @@ impl Start {
             closed_form_k: None,
         };
         let image = caraman(coordinates, exponent);
-        Self { origin: String::new(), domain, centre, image, map, splits: None, warnings: Vec::new() }
+        Self {
+            origin: String::new(),
+            input_hash: None,
+            units: [Unit::default(); 2],
+            domain,
+            centre,
+            image,
+            map,
+            splits: None,
+            warnings: Vec::new(),
+        }
     }
 
-    /// A map in closed form, of the vertices.
-    fn of_formula(domain: Domain, formula: &AnalyticMap) -> Result<Self, Fault> {
-        let points = domain.mesh().points();
-        let image = formula.apply(points).map_err(|(vertex, error)| {
+    /// A map in closed form, of the vertices as they were given.
+    fn of_formula(domain: Domain, formula: &AnalyticMap, unit: Unit) -> Result<Self, Fault> {
+        let points = unit.give_back_points(domain.mesh().points());
+        let image = formula.apply(&points).map_err(|(vertex, error)| {
             let [x, y, z] = points[vertex].into();
             Fault::Map { vertex, at: [x, y, z], error: Box::new(error) }
         })?;
@@ -166,9 +229,35 @@ impl Start {
             radial_smooth_k: None,
             closed_form_k: formula.max_dilatation().map(|dilatation| dilatation.k()).filter(|k| k.is_finite()),
         };
-        let (origin, centre, splits, warnings) = (String::new(), None, None, Vec::new());
-        Ok(Self { origin, domain, centre, image, map, splits, warnings })
+        // Where nothing is out of range, as it is: the closed form may be of a map onto the unit ball.
+        let unit =
+            Unit::of_extreme(image.iter().zip(domain.boundary().vertex_mask()).filter(|(_, on)| **on).map(|(p, _)| p));
+        let (image, units) = (unit.take_points(&image), [Unit::default(), unit]);
+        let (origin, input_hash, centre, splits, warnings) = (String::new(), None, None, None, Vec::new());
+        Ok(Self { origin, input_hash, domain, units, centre, image, map, splits, warnings })
     }
+}
+
+/// The closed surface in a file, and the unit in which it is counted.
+fn surface_of(path: &Path) -> Result<(Surface, Unit), RunError> {
+    let mut soup = read_surface(path)?;
+    // Points that no polygon names are of no account.
+    let unit = Unit::of_extreme(soup.polygons.iter().flatten().filter_map(|v| soup.points.get(v.index())));
+    soup.points = unit.take_points(&soup.points);
+    let surface = Surface::from_soup(soup).map_err(RunError::at(&named(path, unit)))?;
+    Ok((surface, unit))
+}
+
+/// A file in an error, which may name places.
+fn named(path: &Path, unit: Unit) -> String {
+    let counted = if unit.is_one() { String::new() } else { format!(" (lengths counted in {unit})") };
+    path.display().to_string() + &counted
+}
+
+/// blake3 of a file.
+fn hash_of(path: &Path) -> Result<String, ReadError> {
+    let bytes = std::fs::read(path).map_err(|source| ReadError::Open { path: path.into(), source })?;
+    Ok(blake3::hash(&bytes).to_hex().to_string())
 }
 
 /// A vertex whose image is no part of the image of a ball: beyond the box around the boundary's image by more than the

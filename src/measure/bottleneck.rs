@@ -2,7 +2,7 @@
 
 use std::mem::discriminant;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::Measured;
 use crate::domain::Domain;
@@ -13,7 +13,7 @@ use crate::mesh::{BoundaryEdges, Features, Place, TetId, Vec3, VertexId};
 const ACTIVE: f64 = 1e-3;
 
 /// Where the largest dilatation sits.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Bottleneck {
     /// The feature of the domain's boundary.
     pub place: Place,

@@ -15,6 +15,17 @@ pub enum TopologyError {
         /// How many tets share it.
         count: usize,
     },
+    /// Two tets lie on the same side of a triangle that they share.
+    #[error(
+        "the tets {tets:?} lie on the same side of their common triangle {face:?}: the mesh is folded there and overlaps \
+         itself; only the vertices of one of the two can be right"
+    )]
+    Folded {
+        /// The triangle's vertices.
+        face: [u32; 3],
+        /// The two tets, counted from 0.
+        tets: [u32; 2],
+    },
     /// An edge of the boundary surface does not lie in exactly two boundary triangles.
     #[error(
         "the boundary is not a manifold surface at the edge {edge:?}: {count} boundary triangles meet there instead of two"
@@ -66,13 +77,29 @@ impl Boundary {
 
     /// Collects the triangles that belong to one tet only, in the order of the tets.
     ///
+    /// The two tets of any other triangle must see it from opposite sides: since the volumes of both are positive by exact
+    /// predicate, they do exactly if they run round it in opposite directions.
+    ///
     /// # Errors
-    /// [`TopologyError::OverusedFace`] where three or more tets share a triangle.
+    /// [`TopologyError::OverusedFace`] where three or more tets share a triangle, else [`TopologyError::Folded`] where two lie
+    /// on the same side of it.
     pub fn of(mesh: &TetMesh) -> Result<Self, TopologyError> {
-        let mut uses: HashMap<[u32; 3], usize> = HashMap::with_capacity(2 * mesh.tets().len());
-        for tet in mesh.tets() {
+        /// How many tets have a triangle; the first one of them and its direction round it.
+        struct Uses {
+            count: usize,
+            first: (u32, bool),
+        }
+        let mut uses: HashMap<[u32; 3], Uses> = HashMap::with_capacity(2 * mesh.tets().len());
+        let mut folded = None;
+        for (index, tet) in (0..).zip(mesh.tets()) {
             for face in TetMesh::FACES {
-                *uses.entry(sorted(face.map(|i| tet[i].0))).or_default() += 1;
+                let triangle = face.map(|i| tet[i].0);
+                let (key, direction) = (sorted(triangle), runs_upwards(triangle));
+                let uses = uses.entry(key).or_insert(Uses { count: 0, first: (index, direction) });
+                if uses.count == 1 && uses.first.1 == direction {
+                    folded.get_or_insert(TopologyError::Folded { face: key, tets: [uses.first.0, index] });
+                }
+                uses.count += 1;
             }
         }
         let (mut triangles, mut owners) = (Vec::new(), Vec::new());
@@ -81,7 +108,7 @@ impl Boundary {
             for face in TetMesh::FACES {
                 let triangle = face.map(|i| tet[i]);
                 let key = sorted(triangle.map(|v| v.0));
-                match uses[&key] {
+                match uses[&key].count {
                     1 => {
                         triangle.iter().for_each(|v| contains[v.index()] = true);
                         triangles.push(triangle);
@@ -92,7 +119,7 @@ impl Boundary {
                 }
             }
         }
-        Ok(Self { triangles, owners, contains })
+        folded.map_or(Ok(Self { triangles, owners, contains }), Err)
     }
 
     /// Boundary triangles, counter-clockwise seen from outside.
@@ -170,6 +197,11 @@ impl Boundary {
     }
 }
 
+/// Whether the vertices, from the least one on, go on with the second: one of the two directions round a triangle.
+fn runs_upwards([a, b, c]: [u32; 3]) -> bool {
+    (a < b) as u8 + (b < c) as u8 + (c < a) as u8 == 2
+}
+
 fn sorted(mut face: [u32; 3]) -> [u32; 3] {
     face.sort_unstable();
     face
@@ -226,6 +258,23 @@ mod tests {
         let boundary = Boundary::of(&mesh).unwrap();
         assert_eq!(boundary.triangles().len(), 6);
         boundary.check_ball(&mesh).unwrap();
+    }
+
+    #[test]
+    fn two_tets_on_the_same_side_of_a_face_are_named() {
+        let points = vec![Vec3::zeros(), Vec3::x(), Vec3::y(), Vec3::z(), Vec3::new(0.2, 0.2, 0.5)];
+        for (second, folded) in [([0, 1, 2, 4], true), ([0, 4, 1, 2], true), ([1, 2, 3, 4], false)] {
+            let tets = vec![[2, 0, 1, 3].map(VertexId), second.map(VertexId)];
+            // Whatever was exchanged before.
+            let mesh = TetMesh::from_either_orientation(points.clone(), tets).unwrap().0;
+            let face = [[0, 1, 2], [1, 2, 3]][usize::from(!folded)];
+            let expected = TopologyError::Folded { face, tets: [0, 1] };
+            assert_eq!(Boundary::of(&mesh).err(), Some(expected));
+        }
+        let mut far = points;
+        far[4] = Vec3::new(0.2, 0.2, -0.5);
+        let tets = vec![[2, 0, 1, 3].map(VertexId), [0, 1, 2, 4].map(VertexId)];
+        assert!(Boundary::of(&TetMesh::from_either_orientation(far, tets).unwrap().0).is_ok());
     }
 
     #[test]

@@ -12,6 +12,7 @@ pub mod io;
 mod place;
 mod quality;
 mod tet_mesh;
+mod unit;
 mod view;
 mod voxel_mesh;
 
@@ -24,25 +25,26 @@ pub use full_boundary::{FullBoundary, full_boundary};
 pub use place::Place;
 pub use quality::smallest_dihedral_angle;
 pub use tet_mesh::{MeshError, Orientation, TetMesh, edge_matrix, orientation};
+pub use unit::Unit;
 pub(crate) use view::View;
 pub use voxel_mesh::{VoxelMesh, VoxelMeshError};
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 pub use crate::linalg::{Mat3, Vec3};
 
 /// Index of a vertex, counted from 0.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct VertexId(pub u32);
 
 /// Index of a tetrahedron, counted from 0.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct TetId(pub u32);
 
 /// Index of a triangle of a surface, counted from 0.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct TriangleId(pub u32);
 

@@ -1,11 +1,11 @@
 //! Places in a domain, as reports name them.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::{TetMesh, VertexId};
 
 /// The place where a bound is attained or cells are active.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase")]
 pub enum Place {
     /// A vertex of the domain.
@@ -45,6 +45,26 @@ impl Place {
     /// The place of a triangle of `mesh`.
     pub fn face(mesh: &TetMesh, corners: [VertexId; 3]) -> Self {
         Self::Face { vertices: corners.map(|v| v.0), centroid: middle(mesh, corners) }
+    }
+}
+
+impl Place {
+    /// Its vertices, counted from 0.
+    pub fn vertices(&self) -> &[u32] {
+        match self {
+            Self::Vertex { vertex, .. } => std::slice::from_ref(vertex),
+            Self::Edge { vertices, .. } => vertices,
+            Self::Face { vertices, .. } => vertices,
+        }
+    }
+
+    /// The vertex's position, or the middle of the edge or face, in the domain.
+    pub fn position(&self) -> [f64; 3] {
+        match *self {
+            Self::Vertex { position, .. } => position,
+            Self::Edge { midpoint, .. } => midpoint,
+            Self::Face { centroid, .. } => centroid,
+        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! Points and tets, all of positive volume.
 
-use super::{Mat3, TetId, Vec3, VertexId};
+use super::{Mat3, TetId, Unit, Vec3, VertexId};
 
 /// Why points and tets are not a mesh.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -137,6 +137,11 @@ impl TetMesh {
             }
         }
         Ok((Self { points, tets }, exchanged))
+    }
+
+    /// The same mesh with lengths counted in another unit.
+    pub fn in_unit(&self, unit: Unit) -> Self {
+        Self { points: unit.take_points(&self.points), tets: self.tets.clone() }
     }
 
     /// Vertex positions, indexed by [`VertexId`].

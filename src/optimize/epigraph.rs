@@ -43,7 +43,7 @@ pub(super) fn epigraph_phase(
 ) -> PhaseEnd {
     let Some(largest) = start.largest_log() else { return PhaseEnd::NoProgress };
     let evaluations_left = recorder.iterations_left();
-    let time_left = recorder.time_left();
+    let time_left = recorder.cancel().time_left();
     let domain = assembly.domain();
     let tets = domain.mesh().tets();
     let unit = half_extent(start.image());

@@ -4,7 +4,6 @@
 //! interior-point method. Every accepted step keeps all image determinants positive, so a bijective start stays one.
 
 mod argmin_phase;
-mod cancel;
 mod damping;
 mod displacement;
 mod engine;
@@ -23,11 +22,11 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
+use crate::cancel::Cancel;
 use crate::domain::Domain;
 use crate::linalg::{Method, SparseError};
 use crate::mesh::Vec3;
 use crate::objective::{Assembly, Iterate, Unknowns};
-pub use cancel::Cancel;
 pub use engine::{Engine, MOST_TETS_CONSERVATIVE, MOST_TETS_QUADRATIC};
 use minimax::Ending;
 use recorder::{PhaseEnd, Progress, Recorder};
@@ -92,10 +91,18 @@ pub struct OptimizeSettings {
     pub tolerance: f64,
     /// Most iterations over all phases.
     pub max_iterations: usize,
-    /// Most wall time; where it is set, results depend on the machine's speed.
+    /// Most wall time of untangling and optimizing together; where it is set, results depend on the machine's speed.
     pub time_limit: Option<Duration>,
-    /// Ends the optimisation from outside.
+    /// Ends the optimisation from outside, or at a deadline.
     pub cancel: Cancel,
+}
+
+impl OptimizeSettings {
+    /// The same settings with the time limit as the deadline of [`OptimizeSettings::cancel`], counted from now.
+    pub(crate) fn starting_now(&self) -> Self {
+        let cancel = self.time_limit.map_or_else(|| self.cancel.clone(), |limit| self.cancel.within(limit));
+        Self { cancel, ..self.clone() }
+    }
 }
 
 impl Default for OptimizeSettings {
@@ -165,8 +172,23 @@ pub enum StopReason {
     StillFlipped,
 }
 
+impl StopReason {
+    /// Which of the two ends work, if it is to end.
+    pub fn of(cancel: &Cancel) -> Option<Self> {
+        let due = if cancel.is_raised() { Self::Cancelled } else { Self::TimeLimit };
+        cancel.is_due().then_some(due)
+    }
+}
+
+/// As reports and tables spell it.
+impl std::fmt::Display for StopReason {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        self.serialize(f)
+    }
+}
+
 /// One iteration, as the progress line, trace.csv and the plots show it.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TraceRow {
     /// The phase, e.g. `"p=48"`.
     pub phase: String,
@@ -304,12 +326,13 @@ pub fn untangle_and_optimize(
     settings: &OptimizeSettings,
     observe: &mut dyn FnMut(&TraceRow),
 ) -> Result<(Untangled, Outcome), OptimizeError> {
+    let settings = &settings.starting_now();
     let untangled = untangle(domain, start, fixed, settings, observe)?;
     let outcome = if untangled.resisting.is_empty() {
         optimize(domain, &untangled.positions, fixed, settings, observe)?
     } else {
-        let outcome = Outcome::still_flipped(untangled.positions.clone());
-        if settings.cancel.is_raised() { Outcome { stop: StopReason::Cancelled, ..outcome } } else { outcome }
+        let stop = StopReason::of(&settings.cancel).unwrap_or(StopReason::StillFlipped);
+        Outcome { stop, ..Outcome::still_flipped(untangled.positions.clone()) }
     };
     Ok((untangled, outcome))
 }

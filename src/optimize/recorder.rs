@@ -1,8 +1,9 @@
 //! What every engine reports its iterates to.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-use super::{Cancel, OptimizeSettings, StopReason, TraceRow};
+use super::{OptimizeSettings, StopReason, TraceRow};
+use crate::cancel::Cancel;
 use crate::dilatation::Dilatation;
 use crate::mesh::{TetId, Vec3};
 use crate::objective::Iterate;
@@ -38,9 +39,10 @@ pub(super) struct Recorder<'a> {
     pub(super) part: Option<Part>,
     start: Instant,
     max_iterations: usize,
-    time_limit: Option<Duration>,
     /// Share of the limits kept for the polish.
     reserved: f64,
+    /// With the whole time limit as its deadline, and with what is not reserved of it.
+    whole: Cancel,
     cancel: Cancel,
     observe: &'a mut dyn FnMut(&TraceRow),
     pub(super) rows: Vec<TraceRow>,
@@ -53,15 +55,16 @@ pub(super) struct Recorder<'a> {
 
 impl<'a> Recorder<'a> {
     pub(super) fn new(start: &Iterate, settings: &OptimizeSettings, observe: &'a mut dyn FnMut(&TraceRow)) -> Self {
+        let cancel = settings.starting_now().cancel;
         let mut recorder = Self {
             image: start.image().to_vec(),
             dilatations: Vec::new(),
             part: None,
             start: Instant::now(),
             max_iterations: settings.max_iterations,
-            time_limit: settings.time_limit,
             reserved: 0.0,
-            cancel: settings.cancel.clone(),
+            whole: cancel.clone(),
+            cancel,
             observe,
             rows: Vec::new(),
             best: start.image().to_vec(),
@@ -96,20 +99,19 @@ impl<'a> Recorder<'a> {
     /// Keeps a share of the limits for later; 0 gives it free again.
     pub(super) fn reserve(&mut self, share: f64) {
         self.reserved = share;
+        let left = self.whole.time_left();
+        self.cancel = left.map_or_else(|| self.whole.clone(), |left| self.whole.within(left.mul_f64(1.0 - share)));
     }
 
     /// Which limit stopped it.
     pub(super) fn interruption(&self) -> StopReason {
-        if self.cancel.is_raised() {
-            return StopReason::Cancelled;
-        }
         // NLopt counts evaluations, of which there may be more than rows: the time tells.
-        let out_of_time = self.time_left().is_some_and(|left| left.is_zero());
-        if out_of_time { StopReason::TimeLimit } else { StopReason::IterationLimit }
+        StopReason::of(&self.cancel).unwrap_or(StopReason::IterationLimit)
     }
 
-    pub(super) fn time_left(&self) -> Option<Duration> {
-        self.time_limit.map(|limit| limit.mul_f64(1.0 - self.reserved).saturating_sub(self.start.elapsed()))
+    /// What ends the present phase.
+    pub(super) fn cancel(&self) -> &Cancel {
+        &self.cancel
     }
 
     pub(super) fn iterations_left(&self) -> usize {
@@ -140,8 +142,7 @@ impl<'a> Recorder<'a> {
         };
         (self.observe)(&row);
         self.rows.push(row);
-        let out_of_time = self.time_left().is_some_and(|left| left.is_zero());
-        let stop = out_of_time || self.cancel.is_raised() || self.iterations_left() == 0;
+        let stop = self.cancel.is_due() || self.iterations_left() == 0;
         if stop { Progress::Stop } else { Progress::Continue }
     }
 }

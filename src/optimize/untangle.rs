@@ -57,8 +57,8 @@ pub fn flipped_tets(domain: &Domain, image: &[Vec3]) -> Vec<TetId> {
 ///
 /// First those near the flipped tets alone; all of them if that does not suffice. Minimises the energy [`Untangling`] by projected Newton while epsilon falls by the paper's schedule, under which the
 /// least determinant becomes positive after finitely many steps if each minimisation reduces the energy enough (their
-/// Theorem 1). Either attempt ends after `settings.max_iterations` steps, or 120 without gain, at the latest, or when
-/// cancelled; a start without a flip is returned as it is.
+/// Theorem 1). Either attempt ends after `settings.max_iterations` steps, or 120 without gain, at the latest; both end at
+/// the time limit or when cancelled. A start without a flip is returned as it is.
 ///
 /// # Errors
 /// [`OptimizeError::System`] if the Newton system cannot be held.
@@ -73,6 +73,7 @@ pub fn untangle(
     if best.resisting.is_empty() {
         return Ok(best);
     }
+    let settings = &settings.starting_now();
     let flipped: HashSet<usize> = best.resisting.iter().map(|tet| tet.index()).collect();
     let unknowns = Unknowns::of_mask(fixed);
     let near = Region::around(domain, &unknowns, &|t| flipped.contains(&t), RINGS, usize::MAX);
@@ -82,7 +83,7 @@ pub fn untangle(
         best.resisting = part.resisting.iter().map(|tet| near.part.tets[tet.index()]).collect();
         (best.iterations, best.seconds) = (part.iterations, part.seconds);
     }
-    if !best.resisting.is_empty() && !settings.cancel.is_raised() {
+    if !best.resisting.is_empty() && !settings.cancel.is_due() {
         let before = (best.iterations, best.seconds);
         best = attempt(domain, &best.positions, &unknowns, settings, observe)?;
         best.iterations += before.0;
@@ -106,7 +107,7 @@ fn attempt(
     let mut shift = Shift::new();
     let mut epsilon = first_epsilon(&iterate);
     let (mut iterations, mut last_gain) = (0, 0);
-    let goes_on = |iterations| iterations < settings.max_iterations && !settings.cancel.is_raised();
+    let goes_on = |iterations| iterations < settings.max_iterations && !settings.cancel.is_due();
     while goes_on(iterations) && iterations - last_gain < PATIENCE {
         let energy = Untangling { epsilon };
         let Some(before) = assembly.value(&energy, &iterate) else { break };
@@ -139,7 +140,7 @@ fn attempt(
                     return Ok(best);
                 }
             }
-            if fall < STALLED || settings.cancel.is_raised() {
+            if fall < STALLED || settings.cancel.is_due() {
                 break;
             }
         }

@@ -1,15 +1,16 @@
 //! Figures that reports state of a domain and of its bounds.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::bound::{LowerBound, best_applicable};
+use crate::dilatation::null_is_infinite;
 use crate::domain::Domain;
-use crate::mesh::{TetId, VertexId, smallest_dihedral_angle};
+use crate::mesh::{TetId, Unit, VertexId, smallest_dihedral_angle};
 use crate::optimize::Untangled;
 use crate::solid::StarCentre;
 
 /// The size and shape of a domain.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DomainFigures {
     /// What it is of, in words: a solid's name or a file.
     pub solid: String,
@@ -24,6 +25,7 @@ pub struct DomainFigures {
     /// Number of triangles of the boundary.
     pub boundary_triangles: usize,
     /// Volume, in the solid's units cubed.
+    #[serde(deserialize_with = "null_is_infinite")]
     pub volume: f64,
     /// Smallest dihedral angle of any tet, in degrees.
     pub smallest_dihedral_angle: f64,
@@ -56,8 +58,20 @@ impl DomainFigures {
     }
 }
 
+impl DomainFigures {
+    /// The same of a domain whose lengths were counted in a unit.
+    pub(crate) fn given_back(self, unit: Unit) -> Self {
+        Self {
+            volume: unit.give_back(self.volume, 3),
+            centre: self.centre.map(|centre| centre.map(|x| unit.give_back(x, 1))),
+            kernel_radius: self.kernel_radius.map(|radius| unit.give_back(radius, 1)),
+            ..self
+        }
+    }
+}
+
 /// What is known of the map started from without measuring it.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MapFigures {
     /// Its kind and parameters, in words.
     pub map: String,
@@ -72,7 +86,7 @@ pub struct MapFigures {
 }
 
 /// The splits that made a given mesh's boundary a full subcomplex, so that no tet is locked.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Splits {
     /// Interior edges between boundary vertices that were halved.
     pub edges: usize,
@@ -83,7 +97,7 @@ pub struct Splits {
 }
 
 /// How a start with flipped tets was untangled.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct UntanglingFigures {
     /// Flipped tets of the start.
     pub flipped_before: usize,
@@ -119,7 +133,7 @@ impl UntanglingFigures {
 }
 
 /// The largest lower bound that speaks of the measured map, and how far above it the map is.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BestBound {
     /// The largest bound that is proved and applies, if any does.
     pub best_bound: Option<f64>,

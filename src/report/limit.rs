@@ -1,6 +1,6 @@
 //! What keeps the largest K from being smaller, as far as that is proved, in one sentence.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::bound::{LowerBound, Scope, best_applicable};
 use crate::dilatation::{lower_bound, rounded_up};
@@ -17,7 +17,7 @@ const CLOSE: f64 = 1.1;
 const UNSETTLED: f64 = 1e-3;
 
 /// What limits K.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum LimitedBy {
     /// Nothing can be gained: the map attains the best bound.
@@ -33,7 +33,7 @@ pub enum LimitedBy {
 }
 
 /// What limits K, for programs and for people.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Limit {
     /// Which of the cases it is.
     pub by: LimitedBy,

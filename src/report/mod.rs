@@ -1,42 +1,40 @@
 //! The record of a run, and the files, the summary and the page that are views of it.
 
+mod achieved;
 mod figures;
 mod html;
 mod limit;
 mod machine;
-mod map_report;
 mod results;
 mod summary;
 
+pub use achieved::{Achieved, MapReport};
 pub use figures::{BestBound, DomainFigures, MapFigures, Splits, UntanglingFigures};
-pub use html::{PageError, write_pages};
+pub use html::{PageError, write_pages, write_pages_of};
 pub use limit::{Limit, LimitedBy};
-pub use map_report::MapReport;
-pub(crate) use results::CellRow;
+pub(crate) use results::{CellRow, FILES, START, trace_hash};
 pub use results::{MapRecord, write_certificate, write_results, write_trace};
 pub(crate) use summary::{bounds_table, dilatations};
 pub use summary::{map_summary, summary, time_line};
 
 use std::time::Instant;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
-use crate::bound::LowerBound;
-use crate::measure::{Bottleneck, Summary};
-use crate::optimize::{KktResidual, StopReason};
+use crate::measure::Bottleneck;
 
 /// Everything a reader needs to doubt a result; `report.json` holds it under these names, in this order.
 ///
-/// An infinite number is `null` in JSON. For a given program, config and overrides every key but those of [`Times`] is the
-/// same to the bit on any number of threads, unless a time limit ended the run.
-#[derive(Clone, Debug, Serialize)]
+/// An infinite number is `null` in JSON, and read as such again. For a given program, config and overrides every key but
+/// those of [`Times`] is the same to the bit on any number of threads, unless a time limit ended the run.
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Report {
     /// Name of the run.
     pub name: String,
     /// Version of qcball.
-    pub version: &'static str,
+    pub version: String,
     /// Revision qcball was built from, `-modified` if its sources were, `unknown` outside a checkout.
-    pub revision: &'static str,
+    pub revision: String,
     /// The config's path as given.
     pub config: String,
     /// blake3 of the config's keys and values with the overrides, whatever their layout.
@@ -45,52 +43,32 @@ pub struct Report {
     pub overrides: Vec<String>,
     /// Seed of the random solids.
     pub seed: u64,
+    /// blake3 of the file the domain came from; `null` for built-in solids.
+    pub input_hash: Option<String>,
     /// The domain.
     pub domain: DomainFigures,
-    /// The splits that freed locked tets of a given mesh; `null` if there were none.
-    pub splits: Option<Splits>,
     /// The map started from, before it was measured.
     #[serde(flatten)]
     pub map: MapFigures,
-    /// The map started from, measured.
-    pub initial: Summary,
-    /// How flipped tets of that map were untangled; `null` if there were none.
-    pub untangling: Option<UntanglingFigures>,
-    /// The map arrived at, measured from its positions alone.
-    #[serde(rename = "final")]
-    pub last: Summary,
     /// Whether the final map is a bijection onto its image.
     pub bijective: bool,
     /// Why it is, or is not, or is not known to be.
     pub bijective_reason: String,
-    /// Number of tets that attain the final largest K.
-    pub active: usize,
     /// What the active tets sit on.
     pub bottleneck: Option<Bottleneck>,
-    /// Every lower bound that was computed.
-    pub bounds: Vec<LowerBound>,
-    /// The largest bound that applies to the final map, and the gap to it.
-    #[serde(flatten)]
-    pub best: BestBound,
-    /// What limits K, as far as bounds and optimizer tell.
-    pub limit: Limit,
-    /// Why the optimization ended.
-    pub stop: StopReason,
-    /// How far the minimax solution, before any polish, is from stationary; none where the minimax phase was not reached.
-    pub kkt: Option<KktResidual>,
-    /// Iterations over all phases.
-    pub iterations: usize,
+    /// blake3 of the rows of `trace.csv` but for their seconds: it ties the two files to each other, and proves neither.
+    pub trace_hash: String,
     /// What a reader should know before trusting the numbers.
     pub warnings: Vec<String>,
     /// The config's text.
     pub config_text: String,
-    /// What depends on the machine and its load.
+    /// What the optimization achieved.
     #[serde(flatten)]
-    pub times: Times,
+    pub achieved: Achieved,
 }
 
 /// The keys of a report that differ from one run to the next.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Times {
     /// Number of threads used.
     pub threads: usize,

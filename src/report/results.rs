@@ -12,8 +12,13 @@ use crate::dilatation::Dilatation;
 use crate::domain::Domain;
 use crate::measure::Measured;
 use crate::mesh::io::{DataArray, Values, WriteError, write_atomically, write_vtu};
-use crate::mesh::{TetId, Vec3};
+use crate::mesh::{TetId, Unit, Vec3};
 use crate::optimize::TraceRow;
+
+/// The files of a run, but for `certificate.json`, which not every run has; the record comes last.
+pub(crate) const FILES: [&str; 6] = ["trace.csv", "cells.csv", "domain.vtu", "image.vtu", "summary.txt", "report.json"];
+/// The name of the image positions started from, on the points of both meshes.
+pub(crate) const START: &str = "start position";
 
 /// The maps behind a report: what its tables and meshes show cell by cell.
 #[derive(Clone, Copy, Debug)]
@@ -34,6 +39,8 @@ pub struct MapRecord<'a> {
     pub trace: &'a [TraceRow],
     /// The certificate of the bound "gram", if one was searched for and found.
     pub certificate: Option<&'a Certificate>,
+    /// The units in which lengths of the domain and of the images are counted in memory; in files they are given back.
+    pub units: [Unit; 2],
 }
 
 /// Writes `report.json`, `summary.txt`, `trace.csv`, `cells.csv`, `domain.vtu` and `image.vtu` into `folder`, made if
@@ -47,16 +54,17 @@ pub fn write_results(folder: &Path, report: &Report, record: &MapRecord) -> Resu
     write_trace(&folder.join("trace.csv"), record.trace)?;
     let cells = Cells::of(record);
     write_csv(&folder.join("cells.csv"), cells.rows(record))?;
-    let data = cells.arrays(record.domain.volumes());
-    let points = record.domain.mesh().points();
-    let displacement: Vec<Vec3> = record.image.iter().zip(record.initial).map(|(now, start)| now - start).collect();
+    let data = cells.arrays();
+    let [unit, of_image] = record.units;
+    let points = &unit.give_back_points(record.domain.mesh().points());
+    let [start, image] = &[record.initial, record.image].map(|positions| of_image.give_back_points(positions));
     for (name, shown, other_name, other) in
-        [("domain.vtu", points, "image position", record.image), ("image.vtu", record.image, "domain position", points)]
+        [("domain.vtu", points, "image position", image), ("image.vtu", image, "domain position", points)]
     {
         let point_data = [
             DataArray { name: "boundary", values: Values::Flags(cells.on_boundary) },
             DataArray { name: other_name, values: Values::Vectors(other) },
-            DataArray { name: "displacement from start", values: Values::Vectors(&displacement) },
+            DataArray { name: START, values: Values::Vectors(start) },
         ];
         write_vtu(&folder.join(name), shown, record.domain.mesh().tets(), &point_data, &data)?;
     }
@@ -67,6 +75,15 @@ pub fn write_results(folder: &Path, report: &Report, record: &MapRecord) -> Resu
     }
     write_atomically(&folder.join("summary.txt"), |file| file.write_all(summary(report).as_bytes()))?;
     write_atomically(&folder.join("report.json"), |file| file.write_all(report.to_json().as_bytes()))
+}
+
+/// blake3 of a trace as CSV with all seconds 0, so that it is the same on any machine.
+pub(crate) fn trace_hash(trace: &[TraceRow]) -> String {
+    let mut hasher = blake3::Hasher::new();
+    let timeless = trace.iter().map(|row| TraceRow { seconds: 0.0, ..row.clone() });
+    // A hasher takes everything.
+    csv_to(&mut hasher, timeless).expect("a row of the trace is a line of CSV");
+    hasher.finalize().to_hex().to_string()
 }
 
 /// Writes a trace as CSV, a row an iteration.
@@ -85,6 +102,13 @@ pub fn write_certificate(path: &Path, certificate: &Certificate) -> Result<(), W
     write_atomically(path, |file| file.write_all(certificate.to_json().as_bytes()))
 }
 
+impl MapRecord<'_> {
+    /// The rows of `cells.csv`.
+    pub(super) fn cell_rows(&self) -> Vec<CellRow> {
+        Cells::of(self).rows(self).collect()
+    }
+}
+
 /// What is known of each cell, column by column.
 struct Cells<'a> {
     on_boundary: &'a [bool],
@@ -94,6 +118,7 @@ struct Cells<'a> {
     outer: Vec<f64>,
     k: Vec<f64>,
     k_initial: Vec<f64>,
+    volumes: Vec<f64>,
 }
 
 /// One line of `cells.csv`.
@@ -109,6 +134,18 @@ pub(crate) struct CellRow {
     pub k: f64,
     pub active: bool,
     pub locked: bool,
+}
+
+impl CellRow {
+    /// The dilatations at the start.
+    pub(crate) fn before(&self) -> Dilatation {
+        Dilatation { inner: self.k_inner_initial, outer: self.k_outer_initial }
+    }
+
+    /// The dilatations at the end.
+    pub(crate) fn after(&self) -> Dilatation {
+        Dilatation { inner: self.k_inner, outer: self.k_outer }
+    }
 }
 
 impl<'a> Cells<'a> {
@@ -127,10 +164,11 @@ impl<'a> Cells<'a> {
             outer: column(record.measured, |dilatation| dilatation.outer),
             k: column(record.measured, Dilatation::k),
             k_initial: column(record.measured_initial, Dilatation::k),
+            volumes: record.domain.volumes().iter().map(|&volume| record.units[0].give_back(volume, 3)).collect(),
         }
     }
 
-    fn arrays<'b>(&'b self, volumes: &'b [f64]) -> [DataArray<'b>; 7] {
+    fn arrays(&self) -> [DataArray<'_>; 7] {
         [
             DataArray { name: "K", values: Values::Scalars(&self.k) },
             DataArray { name: "K_inner", values: Values::Scalars(&self.inner) },
@@ -138,16 +176,15 @@ impl<'a> Cells<'a> {
             DataArray { name: "K_initial", values: Values::Scalars(&self.k_initial) },
             DataArray { name: "active", values: Values::Flags(&self.active) },
             DataArray { name: "locked", values: Values::Flags(&self.locked) },
-            DataArray { name: "volume", values: Values::Scalars(volumes) },
+            DataArray { name: "volume", values: Values::Scalars(&self.volumes) },
         ]
     }
 
     fn rows(&self, record: &MapRecord<'a>) -> impl Iterator<Item = CellRow> {
-        let volumes = record.domain.volumes();
         let before = &record.measured_initial.dilatations;
         (0..self.k.len()).map(move |tet| CellRow {
             tet,
-            volume: volumes[tet],
+            volume: self.volumes[tet],
             k_inner_initial: before[tet].inner,
             k_outer_initial: before[tet].outer,
             k_initial: self.k_initial[tet],
@@ -161,15 +198,17 @@ impl<'a> Cells<'a> {
 }
 
 fn write_csv(path: &Path, rows: impl Iterator<Item = impl Serialize>) -> Result<(), WriteError> {
-    write_atomically(path, |file| {
-        let mut table = csv::Writer::from_writer(file);
-        for row in rows {
-            // Unwrapped, so that a full disk is still told as one.
-            table.serialize(row).map_err(|error| match error.into_kind() {
-                csv::ErrorKind::Io(error) => error,
-                other => io::Error::other(format!("{other:?}")),
-            })?;
-        }
-        table.flush()
-    })
+    write_atomically(path, |file| csv_to(file, rows))
+}
+
+fn csv_to(file: &mut dyn io::Write, rows: impl Iterator<Item = impl Serialize>) -> io::Result<()> {
+    let mut table = csv::Writer::from_writer(file);
+    for row in rows {
+        // Unwrapped, so that a full disk is still told as one.
+        table.serialize(row).map_err(|error| match error.into_kind() {
+            csv::ErrorKind::Io(error) => error,
+            other => io::Error::other(format!("{other:?}")),
+        })?;
+    }
+    table.flush()
 }

@@ -18,7 +18,8 @@ pub fn summary(report: &Report) -> String {
     let domain = &report.domain;
     let decimals = decimals(domain.volume);
     let centre = domain.centre.map(|position| {
-        let radius = domain.kernel_radius.map(|r| format!(", kernel radius {r:.decimals$}")).unwrap_or_default();
+        let radius =
+            domain.kernel_radius.map(|r| format!(", kernel radius {}", length(r, decimals))).unwrap_or_default();
         let angle = domain.smallest_angle.map(|a| format!(", rays meet faces at {a:.2} degrees or more"));
         format!("{}{radius}{}", point(position, decimals), angle.unwrap_or_default())
     });
@@ -33,18 +34,23 @@ pub fn summary(report: &Report) -> String {
         labelled("solid", &domain.solid),
         centre.map(|centre| labelled("centre", &centre)).unwrap_or_default(),
         labelled("mesh", &mesh),
-        report.splits.map(splits_in_words).unwrap_or_default(),
+        report.achieved.splits.map(splits_in_words).unwrap_or_default(),
         map_in_words(&report.map).map(|map| labelled("map", &map)).unwrap_or_default(),
-        format!("\n{}\n", dilatations(&[("start", &report.initial), ("final", &report.last)])),
-        report.untangling.as_ref().map(|u| labelled("untangled", &untangling_in_words(u, remedy))).unwrap_or_default(),
+        format!("\n{}\n", dilatations(&[("start", &report.achieved.initial), ("final", &report.achieved.last)])),
+        report
+            .achieved
+            .untangling
+            .as_ref()
+            .map(|u| labelled("untangled", &untangling_in_words(u, remedy)))
+            .unwrap_or_default(),
         report
             .bottleneck
             .as_ref()
             .map(|b| labelled("bottleneck", &bottleneck_in_words(b, decimals)))
             .unwrap_or_default(),
         labelled("bijective", &bijective),
-        labelled("stopped", &stop_in_words(report.stop, report.iterations)),
-        format!("\n{}", bounds_table(&report.bounds, report.best, &report.limit)),
+        labelled("stopped", &stop_in_words(report.achieved.stop, report.achieved.iterations)),
+        format!("\n{}", bounds_table(&report.achieved.bounds, report.achieved.best, &report.achieved.limit)),
         report.warnings.iter().map(|warning| labelled("warning", warning)).collect(),
     ];
     blocks.concat()
@@ -109,19 +115,27 @@ pub fn map_summary(report: &MapReport) -> String {
         "{} vertices ({} fixed), {} tets ({} locked)",
         report.vertices, report.fixed, report.tets, report.locked
     );
-    let bounds = if report.bounds.is_empty() {
+    let bounds = if report.achieved.bounds.is_empty() {
         labelled("bounds", "none: not every boundary vertex is fixed")
     } else {
-        bounds_table(&report.bounds, report.best, &report.limit)
+        bounds_table(&report.achieved.bounds, report.achieved.best, &report.achieved.limit)
     };
     let blocks = [
         labelled("mesh", &mesh),
-        report.splits.map(splits_in_words).unwrap_or_default(),
-        format!("\n{}\n", dilatations(&[("start", &report.initial), ("final", &report.last)])),
-        report.untangling.as_ref().map(|u| labelled("untangled", &untangling_in_words(u, REFINE))).unwrap_or_default(),
-        labelled("active", &format!("{} tet{} within 0.1 % of the max K", report.active, s(report.active))),
-        labelled("stopped", &stop_in_words(report.stop, report.iterations)),
-        time_line(report.times),
+        report.achieved.splits.map(splits_in_words).unwrap_or_default(),
+        format!("\n{}\n", dilatations(&[("start", &report.achieved.initial), ("final", &report.achieved.last)])),
+        report
+            .achieved
+            .untangling
+            .as_ref()
+            .map(|u| labelled("untangled", &untangling_in_words(u, REFINE)))
+            .unwrap_or_default(),
+        labelled(
+            "active",
+            &format!("{} tet{} within 0.1 % of the max K", report.achieved.active, s(report.achieved.active)),
+        ),
+        labelled("stopped", &stop_in_words(report.achieved.stop, report.achieved.iterations)),
+        time_line(report.achieved.times),
         format!("\n{bounds}"),
     ];
     blocks.concat()
@@ -220,7 +234,7 @@ fn s(count: usize) -> &'static str {
     if count == 1 { "" } else { "s" }
 }
 
-fn bottleneck_in_words(bottleneck: &Bottleneck, decimals: usize) -> String {
+fn bottleneck_in_words(bottleneck: &Bottleneck, decimals: Option<usize>) -> String {
     let point = |coordinates: &[f64; 3]| point(*coordinates, decimals);
     let (place, kind) = match &bottleneck.place {
         Place::Vertex { vertex, position } => (format!("vertex {vertex} at {}", point(position)), "corners"),
@@ -240,18 +254,24 @@ fn bottleneck_in_words(bottleneck: &Bottleneck, decimals: usize) -> String {
 }
 
 /// Decimals of a length in a solid of this volume (in its units cubed): four, and in small units as many as four figures of
-/// the solid's size take.
-pub(super) fn decimals(volume: f64) -> usize {
-    4 + (-volume.cbrt().log10().ceil()).clamp(0.0, 300.0) as usize
+/// the solid's size take; none where a power of ten is easier to read, or the volume out of the range of numbers.
+pub(super) fn decimals(volume: f64) -> Option<usize> {
+    (1e-36..1e36).contains(&volume).then(|| 4 + (-volume.cbrt().log10().ceil()).max(0.0) as usize)
 }
 
-/// A point in the domain; no `-0.0000`, which another order of sums would turn into `0.0000`.
-pub(super) fn point(coordinates: [f64; 3], decimals: usize) -> String {
-    let without_sign_of_zero = |text: String| match text.strip_prefix('-') {
+/// A length in the domain; no `-0.0000`, which another order of sums would turn into `0.0000`.
+fn length(x: f64, decimals: Option<usize>) -> String {
+    let Some(decimals) = decimals else { return format!("{:.4e}", x + 0.0) };
+    let text = format!("{x:.decimals$}");
+    match text.strip_prefix('-') {
         Some(digits) if digits.bytes().all(|byte| matches!(byte, b'0' | b'.')) => digits.to_owned(),
         _ => text,
-    };
-    let [x, y, z] = coordinates.map(|x| without_sign_of_zero(format!("{x:.decimals$}")));
+    }
+}
+
+/// A point in the domain.
+pub(super) fn point(coordinates: [f64; 3], decimals: Option<usize>) -> String {
+    let [x, y, z] = coordinates.map(|x| length(x, decimals));
     format!("({x}, {y}, {z})")
 }
 

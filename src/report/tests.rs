@@ -1,9 +1,9 @@
 use super::*;
-use crate::bound::{Kind, Scope};
+use crate::bound::{Kind, LowerBound, Scope};
 use crate::domain::Domain;
 use crate::measure::{bottleneck, measure};
 use crate::mesh::{TetId, TetMesh, Vec3, VertexId};
-use crate::optimize::TraceRow;
+use crate::optimize::{StopReason, TraceRow};
 use crate::solid::StarCentre;
 
 /// A corner of a cube split at an inner vertex, whose image is moved; `flip` moves it out.
@@ -43,36 +43,40 @@ fn write(flip: bool) -> (tempfile::TempDir, Report) {
     let centre = StarCentre { position: Vec3::repeat(0.2), kernel_radius: 0.1, smallest_angle: 0.5 };
     let report = Report {
         name: "case".into(),
-        version: Report::VERSION,
-        revision: Report::REVISION,
+        version: Report::VERSION.into(),
+        revision: Report::REVISION.into(),
         config: "configs/case.toml".into(),
         config_hash: "0".into(),
         overrides: vec!["mesh.layers=2".into()],
         seed: 3,
+        input_hash: None,
         domain: DomainFigures::of(&domain, "cube corner".into(), Some(&centre)),
-        initial: before.summary.clone(),
-        last: after.summary.clone(),
         bijective: !flip,
         bijective_reason: "no tet is flipped".into(),
-        active: 1,
         bottleneck: bottleneck(&domain, &after),
-        best: BestBound::of(&bounds, after.summary.max_k),
-        limit: Limit::of(after.summary.max_k, &bounds, None),
-        bounds,
-        splits: None,
         map: MapFigures {
             map: "radial, exponent 1".into(),
             radial_exponent: Some(1.0),
             radial_smooth_k: Some(7.2102),
             closed_form_k: None,
         },
-        untangling: None,
-        stop: StopReason::Converged,
-        kkt: None,
-        iterations: 1,
+        trace_hash: "0".into(),
         warnings: vec!["this is a test".into()],
         config_text: "[domain]\nsolid = \"cube\"".into(),
-        times: TIMES,
+        achieved: Achieved {
+            splits: None,
+            initial: before.summary.clone(),
+            untangling: None,
+            last: after.summary.clone(),
+            active: 1,
+            best: BestBound::of(&bounds, after.summary.max_k),
+            limit: Limit::of(after.summary.max_k, &bounds, None),
+            bounds,
+            stop: StopReason::Converged,
+            kkt: None,
+            iterations: 1,
+            times: TIMES,
+        },
     };
     let row = |iteration: usize| TraceRow {
         phase: "p=1".into(),
@@ -94,6 +98,7 @@ fn write(flip: bool) -> (tempfile::TempDir, Report) {
         active: &[TetId(2)],
         trace: &[row(0), row(1)],
         certificate: None,
+        units: Default::default(),
     };
     write_results(&folder.path().join("new"), &report, &record).unwrap();
     (folder, report)
@@ -142,7 +147,7 @@ fn the_report_has_the_fixed_keys_in_a_fixed_order() {
     ] {
         assert!(json.pointer(path).is_some_and(|value| !value.is_null()), "{path} in {text}");
     }
-    assert_eq!(json["final"]["max_k"].as_f64().unwrap().to_bits(), report.last.max_k.to_bits());
+    assert_eq!(json["final"]["max_k"].as_f64().unwrap().to_bits(), report.achieved.last.max_k.to_bits());
     // What differs from run to run is together at the end, so that a comparison can cut it off.
     let keys = ["threads", "seconds", "untangling_seconds", "cpu_seconds", "peak_memory_mib"];
     let lines: Vec<&str> = text.trim_end().strip_suffix("\n}").expect("the brace has a line").lines().collect();
@@ -187,7 +192,7 @@ fn tables_have_a_row_an_entry() {
     let rows: Vec<csv::StringRecord> = table.records().map(Result::unwrap).collect();
     assert_eq!(rows.len(), 4);
     let largest = rows.iter().map(|row| row[7].parse::<f64>().unwrap()).fold(0.0, f64::max);
-    assert_eq!(largest, report.last.max_k);
+    assert_eq!(largest, report.achieved.last.max_k);
     let active: Vec<&str> = rows.iter().map(|row| &row[8]).collect();
     assert_eq!(active, ["false", "false", "true", "false"]);
     for name in ["domain.vtu", "image.vtu"] {

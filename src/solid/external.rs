@@ -18,7 +18,8 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use super::{MOST_TETS, Surface};
-use crate::mesh::{TetId, TetMesh, edge_matrix};
+use crate::cancel::Cancel;
+use crate::mesh::{TetId, TetMesh, TetSoup, edge_matrix};
 use process::Program;
 use sizing::SizeGrid;
 
@@ -135,18 +136,32 @@ struct Job<'a> {
 /// Fills a surface with tets by running an external program.
 ///
 /// The mesh's boundary is the surface, triangle for triangle if it is to be kept, else with more vertices on the same
-/// faces; that it is a ball is left to [`crate::Domain::new`].
+/// faces; that it is a ball is left to [`crate::Domain::new`]. The program is ended when `cancel` says so.
 ///
 /// # Errors
 /// [`ExternalError`], with the program's own words if it said any.
-pub fn external_mesh(surface: &Surface, settings: &ExternalSettings) -> Result<TetMesh, ExternalError> {
+pub fn external_mesh(
+    surface: &Surface,
+    settings: &ExternalSettings,
+    cancel: &Cancel,
+) -> Result<TetMesh, ExternalError> {
     settings.check(surface)?;
-    let program = Program::find(settings.mesher, settings.program.as_deref(), settings.time_limit)?;
+    let program = Program::find(settings, cancel)?;
     let folder = tempfile::tempdir().map_err(ExternalError::Files)?;
     let sizes = settings.sizing.as_ref().map(|sizing| SizeGrid::new(surface, sizing));
     let job = Job { surface, settings, sizes, program, folder: folder.path() };
     let Some(limit) = settings.max_volume else { return job.mesh(None) };
     within(limit, &job)
+}
+
+/// Whether a mesh fills a surface as one that [`external_mesh`] returns does: the same volume, and a vertex at each of the
+/// surface's.
+///
+/// # Errors
+/// How it does not.
+pub fn check_filled(mesh: &TetMesh, surface: &Surface, settings: &ExternalSettings) -> Result<(), ExternalError> {
+    let soup = TetSoup { points: mesh.points().to_vec(), tets: mesh.tets().to_vec() };
+    result::checked(soup, surface, settings).map(drop)
 }
 
 impl Job<'_> {

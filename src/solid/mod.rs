@@ -23,7 +23,7 @@ mod surface;
 mod voxelize;
 
 pub use centre::{CentreChoice, CentreError, StarCentre, star_centre};
-pub use external::{ExternalError, ExternalMesher, ExternalSettings, Sizing, external_mesh};
+pub use external::{ExternalError, ExternalMesher, ExternalSettings, Sizing, check_filled, external_mesh};
 pub use fan::FanError;
 pub use flag::{Flag, FlagError, FlagMesh, FlagSettings, flag_mesh};
 pub use generate::{Solid, SolidError};

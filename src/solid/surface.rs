@@ -1,6 +1,6 @@
 //! Closed triangle surfaces: the boundary of a solid, checked.
 
-use crate::mesh::{DisjointSets, PolygonSoup, TriangleId, Vec3, VertexId};
+use crate::mesh::{DisjointSets, PolygonSoup, TriangleId, Unit, Vec3, VertexId};
 
 use super::fan::{self, FanError};
 
@@ -121,6 +121,11 @@ pub struct Surface {
 }
 
 impl Surface {
+    /// The same surface with lengths counted in another unit.
+    pub fn in_unit(&self, unit: Unit) -> Self {
+        Self { points: unit.take_points(&self.points), ..self.clone() }
+    }
+
     /// Checks polygons and cuts those of more than three vertices into fans of triangles.
     ///
     /// Vertices that no polygon names are dropped, the others keep their order; triangles keep the order of their

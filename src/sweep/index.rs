@@ -5,39 +5,46 @@ use std::io;
 use std::path::Path;
 
 use serde::Serialize;
-use serde_json::{Map, Value};
+use serde_json::{Map, Value, json};
 
 use super::folder::{State, SweepFolder};
 use super::{Case, Sweep};
 use crate::mesh::io::{WriteError, write_atomically};
+use crate::report::Report;
 
-/// The results in the index: the column, and where `report.json` has it. None depends on the time or the threads.
-const RESULTS: [(&str, &str); 21] = [
-    ("vertices", "/domain/vertices"),
-    ("tets", "/domain/tets"),
-    ("locked", "/domain/locked"),
-    ("radial_exponent", "/radial_exponent"),
-    ("radial_smooth_k", "/radial_smooth_k"),
-    ("initial_max_k", "/initial/max_k"),
-    ("initial_mean_k", "/initial/mean_k"),
-    ("initial_flipped", "/initial/flipped"),
-    ("max_k", "/final/max_k"),
-    ("mean_k", "/final/mean_k"),
-    ("p50_k", "/final/p50_k"),
-    ("p99_k", "/final/p99_k"),
-    ("max_k_inner", "/final/max_k_inner"),
-    ("max_k_outer", "/final/max_k_outer"),
-    ("flipped", "/final/flipped"),
-    ("active", "/active"),
-    ("best_bound", "/best_bound"),
-    ("gap", "/gap"),
-    ("bijective", "/bijective"),
-    ("iterations", "/iterations"),
-    ("stop", "/stop"),
+/// A column of the tables: its name, and what of a report stands in it.
+type Column = (&'static str, fn(&Report) -> Value);
+
+/// The results in the index. None depends on the time or the threads.
+const RESULTS: [Column; 21] = [
+    ("vertices", |report| json!(report.domain.vertices)),
+    ("tets", |report| json!(report.domain.tets)),
+    ("locked", |report| json!(report.domain.locked)),
+    ("radial_exponent", |report| json!(report.map.radial_exponent)),
+    ("radial_smooth_k", |report| json!(report.map.radial_smooth_k)),
+    ("initial_max_k", |report| json!(report.achieved.initial.max_k)),
+    ("initial_mean_k", |report| json!(report.achieved.initial.mean_k)),
+    ("initial_flipped", |report| json!(report.achieved.initial.flipped)),
+    ("max_k", |report| json!(report.achieved.last.max_k)),
+    ("mean_k", |report| json!(report.achieved.last.mean_k)),
+    ("p50_k", |report| json!(report.achieved.last.p50_k)),
+    ("p99_k", |report| json!(report.achieved.last.p99_k)),
+    ("max_k_inner", |report| json!(report.achieved.last.max_k_inner)),
+    ("max_k_outer", |report| json!(report.achieved.last.max_k_outer)),
+    ("flipped", |report| json!(report.achieved.last.flipped)),
+    ("active", |report| json!(report.achieved.active)),
+    ("best_bound", |report| json!(report.achieved.best.best_bound)),
+    ("gap", |report| json!(report.achieved.best.gap)),
+    ("bijective", |report| json!(report.bijective)),
+    ("iterations", |report| json!(report.achieved.iterations)),
+    ("stop", |report| json!(report.achieved.stop)),
 ];
 /// What is kept apart because it differs from one run to the next.
-const TIMES: [(&str, &str); 3] =
-    [("threads", "/threads"), ("seconds", "/seconds"), ("untangling_seconds", "/untangling_seconds")];
+const TIMES: [Column; 3] = [
+    ("threads", |report| json!(report.achieved.times.threads)),
+    ("seconds", |report| json!(report.achieved.times.seconds)),
+    ("untangling_seconds", |report| json!(report.achieved.times.untangling_seconds)),
+];
 
 /// How many cases are in which state.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -65,7 +72,7 @@ impl Tally {
             State::Failed => self.failed += 1,
             State::Incomplete | State::Missing => {}
         }
-        if row.state == State::Done && row.value("/bijective") != Some(&Value::Bool(true)) {
+        if row.state == State::Done && !row.report.as_ref().is_some_and(|report| report.bijective) {
             self.not_bijective += 1;
         }
         self
@@ -76,7 +83,7 @@ impl Tally {
 struct Row<'a> {
     case: &'a Case,
     state: State,
-    report: Option<Value>,
+    report: Option<Report>,
     error: Option<String>,
 }
 
@@ -99,16 +106,12 @@ impl<'a> Row<'a> {
         Self { case, state, report: report.flatten(), error }
     }
 
-    fn value(&self, pointer: &str) -> Option<&Value> {
-        self.report.as_ref()?.pointer(pointer)
-    }
-
-    fn cells(&self, columns: &[(&str, &str)]) -> Vec<String> {
-        columns.iter().map(|(_, pointer)| self.value(pointer).map(plain).unwrap_or_default()).collect()
+    fn cells(&self, columns: &[Column]) -> Vec<String> {
+        let of = |value: fn(&Report) -> Value| self.report.as_ref().map(|report| plain(&value(report)));
+        columns.iter().map(|(_, value)| of(*value).unwrap_or_default()).collect()
     }
 
     fn line(&self) -> Line<'_> {
-        let value = |pointer| self.value(pointer).cloned().unwrap_or(Value::Null);
         Line {
             case: self.case.number,
             id: &self.case.id,
@@ -117,13 +120,13 @@ impl<'a> Row<'a> {
             results: self
                 .report
                 .as_ref()
-                .map(|_| RESULTS.iter().map(|(name, pointer)| (name.to_string(), value(pointer))).collect()),
+                .map(|report| RESULTS.iter().map(|(name, value)| (name.to_string(), value(report))).collect()),
             error: self.error.as_deref(),
         }
     }
 }
 
-fn read(path: &Path) -> Option<Value> {
+fn read(path: &Path) -> Option<Report> {
     serde_json::from_slice(&fs::read(path).ok()?).ok()
 }
 
@@ -150,7 +153,7 @@ pub fn write_index(sweep: &Sweep, folder: &SweepFolder) -> Result<Tally, WriteEr
             .try_for_each(|row| writeln!(file, "{}", serde_json::to_string(&row.line()).map_err(io::Error::other)?))
     })?;
     let first = ["case", "id", "status"].map(String::from);
-    let names = |columns: &[(&str, &str)]| columns.iter().map(|(name, _)| name.to_string()).collect::<Vec<_>>();
+    let names = |columns: &[Column]| columns.iter().map(|(name, _)| name.to_string()).collect::<Vec<_>>();
     let head = [&first[..], &sweep.keys, &names(&RESULTS), &["error".to_string()]].concat();
     let start = |row: &Row| [row.case.number.to_string(), row.case.id.clone(), row.state.name().to_string()];
     write_table(&folder.path().join("index.csv"), &head, &rows, |row| {

@@ -3,9 +3,9 @@
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use crate::cancel::Cancel;
 use crate::config::{DomainSource, MeshPlan, Plan};
 use crate::mesh::io::{read_surface, read_tets};
-use crate::optimize::Cancel;
 use crate::solid::{ExternalSettings, Refinement, ShellSettings, Surface};
 
 /// Bytes a tet: 3.4 to 3.8 kB were measured on meshes of 10,000 to 100,000 tets (results/bench.md).

@@ -8,10 +8,11 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use super::Case;
 use super::folder::{State, SweepFolder};
 use super::memory::{MemoryGate, Refusal, estimate};
+use crate::cancel::Cancel;
 use crate::config::Plan;
 use crate::experiment::{Finished, RunError};
 use crate::mesh::io::WriteError;
-use crate::optimize::{Cancel, StopReason, TraceRow};
+use crate::optimize::{StopReason, TraceRow};
 use crate::report::{Report, write_results};
 
 /// How many cases run at a time, and what ends them.
@@ -173,7 +174,7 @@ impl Work<'_> {
     }
 
     fn put(&self, case: &Case, finished: Finished) -> Result<Ended, WriteError> {
-        let cancelled = finished.report.stop == StopReason::Cancelled;
+        let cancelled = finished.report.achieved.stop == StopReason::Cancelled;
         let state = if cancelled { State::Incomplete } else { State::Done };
         self.folder.put(&case.id, state, |part| write_results(part, &finished.report, &finished.record()))?;
         Ok(if cancelled { Ended::Cancelled } else { Ended::Done(Box::new(finished.report)) })

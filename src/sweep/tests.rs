@@ -2,9 +2,9 @@ use std::collections::BTreeMap;
 use std::fs;
 
 use super::*;
+use crate::cancel::Cancel;
 use crate::config::InitialMap;
 use crate::experiment;
-use crate::optimize::Cancel;
 
 /// A sweep over six tiny cases of the cube.
 const SIX: &str = "[domain]\nsolid = \"cube\"\n[mesh]\nlayers = 1\n[optimize]\nmax_iterations = 2\n\

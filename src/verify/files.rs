@@ -1,35 +1,44 @@
 //! The files of a results folder, as far as they can be read.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use serde_json::Value;
 
 use super::{Findings, VerifyError};
+use crate::bound::certificate::Certificate;
 use crate::domain::Domain;
-use crate::mesh::TetMesh;
-use crate::mesh::Vec3;
-use crate::mesh::io::{CellData, TetFile, read_tet_file};
-use crate::report::CellRow;
+use crate::measure::{Measured, Summary};
+use crate::mesh::io::{TetFile, read_tet_file};
+use crate::mesh::{TetId, TetMesh, Unit, Vec3};
+use crate::optimize::TraceRow;
+use crate::report::{CellRow, FILES, MapRecord, Report, START, write_results};
 
 /// What to do about a file that is missing or broken.
 const REMEDY: &str = "copy it from where it was written, or run the config again";
+/// The certificate's file.
+const CERTIFICATE: &str = "certificate.json";
+/// What `qcball report` makes for people, from the other files.
+const PAGES: [&str; 2] = ["report.html", "plots"];
 
 /// The folder's content.
 pub(super) struct Files {
-    pub report: Value,
+    pub report: Report,
     pub domain: Domain,
+    /// The units in which lengths of the domain and of the images are counted here.
+    pub units: [Unit; 2],
+    /// Image positions arrived at.
     pub image: Vec<Vec3>,
+    /// Image positions started from.
+    pub start: Vec<Vec3>,
     /// One row a tet.
     pub cells: Vec<CellRow>,
-    /// The columns of `trace.csv` that are checked: iteration, max_k and mean_k.
-    pub trace: Vec<(usize, f64, f64)>,
-    pub summary: String,
-    /// The text of `certificate.json`, if there is one.
-    pub certificate: Option<String>,
+    pub trace: Vec<TraceRow>,
+    pub certificate: Option<Certificate>,
 }
 
-/// The report as JSON.
-pub(super) fn report(folder: &Path) -> Result<Value, VerifyError> {
+/// The text of the report, which is the record of a run.
+pub(super) fn report_text(folder: &Path) -> Result<String, VerifyError> {
     let refuse = |message: String| VerifyError::NoReport { folder: folder.into(), message };
     let text = std::fs::read_to_string(folder.join("report.json")).map_err(|error| {
         let has = |name: &str| folder.join(name).exists();
@@ -44,35 +53,37 @@ pub(super) fn report(folder: &Path) -> Result<Value, VerifyError> {
     let report: Value =
         serde_json::from_str(&text).map_err(|error| refuse(format!("its report.json is no JSON ({error})")))?;
     match report.get("final") {
-        Some(Value::Object(_)) => Ok(report),
+        Some(Value::Object(_)) => Ok(text),
         _ => Err(refuse("its report.json has no final map".into())),
     }
 }
 
 impl Files {
-    /// Reads the rest; nothing if the files make no map, which is then among the findings.
-    pub fn read(folder: &Path, report: Value, findings: &mut Findings) -> Option<Self> {
-        findings.begin("the files of a run, and certificate.json if it is there, can be read");
+    /// Reads the files; nothing if they make no map, which is then among the findings.
+    pub fn read(folder: &Path, report: &str, findings: &mut Findings) -> Option<Self> {
+        findings.begin("the folder has the files of a run and no others, and they can be read");
+        let report = serde_json::from_str::<Report>(report);
+        let report = report.map_err(|error| findings.found(format!("report.json is no record of a run: {error}"))).ok();
+        others(folder, findings);
         let [domain, image] = ["domain.vtu", "image.vtu"].map(|name| {
             let read = read_tet_file(&folder.join(name));
             read.map_err(|error| findings.found(format!("{error}; {REMEDY}"))).ok()
         });
         let cells = table::<CellRow>(&folder.join("cells.csv"), findings);
-        let trace = table::<TraceColumns>(&folder.join("trace.csv"), findings);
-        let summary = std::fs::read_to_string(folder.join("summary.txt"))
-            .map_err(|error| findings.found(format!("summary.txt cannot be read: {error}; {REMEDY}")))
-            .ok();
-        let certificate = folder.join("certificate.json");
-        let certificate = match certificate.exists().then(|| std::fs::read_to_string(&certificate)).transpose() {
-            Ok(text) => text,
+        let trace = table::<TraceRow>(&folder.join("trace.csv"), findings);
+        let certificate = match std::fs::read_to_string(folder.join(CERTIFICATE)) {
+            Ok(text) => serde_json::from_str::<Certificate>(&text)
+                .map_err(|error| findings.found(format!("certificate.json is no certificate: {error}; {REMEDY}")))
+                .ok(),
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => None,
             Err(error) => {
                 findings.found(format!("certificate.json cannot be read: {error}; {REMEDY}"));
                 None
             }
         };
-        let (domain, image, cells, trace, summary) = (domain?, image?, cells?, trace?, summary?);
+        let (report, domain, image, cells, trace) = (report?, domain?, image?, cells?, trace?);
 
-        findings.begin("domain.vtu and image.vtu have the same tets, and the same data on them as cells.csv");
+        findings.begin("domain.vtu and image.vtu are one mesh, a ball of positively oriented tets by exact predicate");
         let same = domain.soup.points.len() == image.soup.points.len() && domain.soup.tets == image.soup.tets;
         findings.expect(same, || match domain.soup.tets.iter().zip(&image.soup.tets).position(|(a, b)| a != b) {
             Some(tet) => format!("tet {tet} has other vertices in image.vtu than in domain.vtu"),
@@ -84,24 +95,103 @@ impl Files {
         if !same || cells.len() != domain.soup.tets.len() {
             return None;
         }
-        for (name, file) in [("domain.vtu", &domain), ("image.vtu", &image)] {
-            compare_cell_data(name, file, &cells, findings);
-        }
-
-        findings.begin("the domain is a ball of positively oriented tets, by exact predicate");
-        let mesh = TetMesh::new(domain.soup.points, domain.soup.tets).map_err(|error| error.to_string());
-        let domain = mesh.and_then(|mesh| Domain::new(mesh).map_err(|error| error.to_string()));
+        let start = vectors(&image, START).map(<[Vec3]>::to_vec).unwrap_or_else(|| {
+            findings.found(format!("image.vtu lacks the point data {START:?}"));
+            image.soup.points.clone()
+        });
+        // As the run counted them: what is read from files in a unit of its size.
+        let unit = if report.input_hash.is_some() { Unit::of(&domain.soup.points) } else { Unit::default() };
+        let mesh = TetMesh::new(unit.take_points(&domain.soup.points), domain.soup.tets);
+        let domain = mesh.map_err(|error| error.to_string());
+        let domain = domain.and_then(|mesh| Domain::new(mesh).map_err(|error| error.to_string()));
         let domain = domain.map_err(|error| findings.found(format!("domain.vtu: {error}"))).ok()?;
-        let trace = trace.into_iter().map(|row| (row.iteration, row.max_k, row.mean_k)).collect();
-        Some(Self { report, domain, image: image.soup.points, cells, trace, summary, certificate })
+        let on_boundary = image.soup.points.iter().zip(domain.boundary().vertex_mask()).filter(|(_, on)| **on);
+        let of_image = Unit::of_extreme(on_boundary.map(|(point, _)| point));
+        let [image, start] = [&image.soup.points, &start].map(|points| of_image.take_points(points));
+        let files = Self { report, domain, units: [unit, of_image], image, start, cells, trace, certificate };
+        files.check_bytes(folder, findings);
+        Some(files)
+    }
+
+    /// Writes every file once more, from what was read of them: whatever else one holds, or another file contradicts, shows.
+    fn check_bytes(&self, folder: &Path, findings: &mut Findings) {
+        findings.begin(
+            "each file is to the byte what is written for this record and these positions, dilatations and rows",
+        );
+        let measured =
+            |summary: &Summary, dilatations| Measured { dilatations, flipped: Vec::new(), summary: summary.clone() };
+        let active: Vec<TetId> =
+            (0..).map(TetId).zip(&self.cells).filter(|(_, row)| row.active).map(|(t, _)| t).collect();
+        let record = MapRecord {
+            domain: &self.domain,
+            initial: &self.start,
+            image: &self.image,
+            measured_initial: &measured(
+                &self.report.achieved.initial,
+                self.cells.iter().map(CellRow::before).collect(),
+            ),
+            measured: &measured(&self.report.achieved.last, self.cells.iter().map(CellRow::after).collect()),
+            active: &active,
+            trace: &self.trace,
+            certificate: self.certificate.as_ref(),
+            units: self.units,
+        };
+        let again = tempfile::tempdir().map_err(|error| error.to_string());
+        let written = again.and_then(|again| {
+            write_results(again.path(), &self.report, &record).map_err(|error| error.to_string()).map(|()| again)
+        });
+        let again = match written {
+            Ok(again) => again,
+            Err(error) => return findings.found(format!("the files cannot be written once more: {error}")),
+        };
+        for name in FILES.into_iter().chain(self.certificate.is_some().then_some(CERTIFICATE)) {
+            let [there, expected] = [folder, again.path()].map(|folder| std::fs::read(folder.join(name)));
+            match (there, expected) {
+                (Ok(there), Ok(expected)) if there == expected => {}
+                (Ok(there), Ok(expected)) => findings.found(difference(name, &there, &expected)),
+                (Err(error), _) | (_, Err(error)) => {
+                    findings.found(format!("{name} cannot be read: {error}; {REMEDY}"));
+                }
+            }
+        }
+        if self.report.revision != Report::REVISION {
+            findings.trust(format!(
+                "that the program that wrote the folder, {} of revision {}, is the one it calls itself",
+                self.report.version, self.report.revision
+            ));
+        }
     }
 }
 
-#[derive(serde::Deserialize)]
-struct TraceColumns {
-    iteration: usize,
-    max_k: f64,
-    mean_k: f64,
+/// Refuses what no run writes.
+fn others(folder: &Path, findings: &mut Findings) {
+    let known = || FILES.into_iter().chain(PAGES).chain([CERTIFICATE]);
+    let names: BTreeSet<String> = match std::fs::read_dir(folder) {
+        Ok(entries) => entries.flatten().map(|entry| entry.file_name().to_string_lossy().into_owned()).collect(),
+        Err(error) => return findings.found(format!("the folder cannot be listed: {error}")),
+    };
+    for name in names.iter().filter(|name| !known().any(|known| known == name.as_str())) {
+        findings.found(format!("{name} is no file of a run: take it out of the folder"));
+    }
+    for page in PAGES.into_iter().filter(|page| names.contains(*page)) {
+        findings.trust(format!("{page}, made for people from the other files: `qcball report` makes it anew"));
+    }
+}
+
+/// The first line in which a text differs, or the first byte of what is none.
+fn difference(name: &str, there: &[u8], expected: &[u8]) -> String {
+    /// Lines are shown up to here.
+    const SHOWN: usize = 120;
+    let words = format!("{name} is not what is written for this record");
+    let (Ok(there_text), Ok(expected_text)) = (std::str::from_utf8(there), std::str::from_utf8(expected)) else {
+        return words;
+    };
+    let lines =
+        |text: &'_ str| text.split('\n').map(|line| line.chars().take(SHOWN).collect()).collect::<Vec<String>>();
+    let [there, expected] = [there_text, expected_text].map(lines);
+    let line = there.iter().zip(&expected).position(|(a, b)| a != b).unwrap_or(there.len().min(expected.len()));
+    let show = |lines: &[String]| lines.get(line).map_or_else(|| "nothing".into(), |line| format!("{line:?}"));
+    format!("{words}: line {} is {}, but should be {}", line + 1, show(&there), show(&expected))
 }
 
 /// The rows of a CSV file.
@@ -111,31 +201,6 @@ fn table<Row: serde::de::DeserializeOwned>(path: &Path, findings: &mut Findings)
     rows.map_err(|error| findings.found(format!("{name} cannot be read: {error}; {REMEDY}"))).ok()
 }
 
-/// Compares the scalars on a mesh's cells with the rows of `cells.csv`, to the bit: both hold all digits.
-fn compare_cell_data(name: &str, file: &TetFile, cells: &[CellRow], findings: &mut Findings) {
-    let column = |value: fn(&CellRow) -> f64| -> Vec<f64> { cells.iter().map(value).collect() };
-    let expected = [
-        ("K", column(|row| row.k)),
-        ("K_inner", column(|row| row.k_inner)),
-        ("K_outer", column(|row| row.k_outer)),
-        ("K_initial", column(|row| row.k_initial)),
-        ("volume", column(|row| row.volume)),
-        ("active", column(|row| f64::from(u8::from(row.active)))),
-        ("locked", column(|row| f64::from(u8::from(row.locked)))),
-    ];
-    for (array, expected) in expected {
-        match scalars(&file.cell_data, array) {
-            None => findings.found(format!("{name} lacks the cell data {array:?}")),
-            Some(values) => {
-                if let Some(tet) = values.iter().zip(&expected).position(|(a, b)| a != b) {
-                    let (there, here) = (values[tet], expected[tet]);
-                    findings.found(format!("{name} gives tet {tet} {array} = {there}, cells.csv {here}"));
-                }
-            }
-        }
-    }
-}
-
-fn scalars<'a>(data: &'a CellData, name: &str) -> Option<&'a [f64]> {
-    data.iter().find(|(other, _)| other == name).map(|(_, values)| values.as_slice())
+fn vectors<'a>(file: &'a TetFile, name: &str) -> Option<&'a [Vec3]> {
+    file.point_vectors.iter().find(|(other, _)| other == name).map(|(_, values)| values.as_slice())
 }

@@ -1,15 +1,21 @@
 //! Checking a results folder from its files alone.
 //!
-//! Nothing is taken from the program that wrote it: the two meshes give the map, and what can be computed from a map is
-//! computed anew and compared with what `report.json`, `cells.csv`, `trace.csv` and `summary.txt` claim. The config's text
-//! is held against its hash. How an optimisation went cannot be seen in its result: of the trace, the stop reason and the
-//! KKT residual (of the map before any polish) only the agreement with each other and with the rest is checked. Taken on
-//! trust are the radial map started from beyond its dilatations, the centre's kernel radius and angle, the splits and
-//! untangling, versions, warnings and times.
+//! The config's text gives the domain and the map started from once more, as the run made them; the two meshes give the map
+//! arrived at; and from these the whole record is made anew, by the same function that a run calls, and compared with
+//! `report.json` figure by figure. Each file is then written once more and compared byte by byte: a key, an array or a line
+//! too much shows, and so does a summary that says something else than the record. A folder with a file that no run writes is
+//! refused. K of every tet is held between proved ends.
+//!
+//! What cannot be seen in a result is taken on trust and listed as such ([`Verification::trusted`]): how the optimization went
+//! (of the trace, the stop reason and the KKT residual, which is of the map before any polish, only the agreement with each other
+//! and with the maps is checked), versions and times, the domain's file where it is not there, and that an external mesher
+//! made a mesh. The hashes in a report tie it to the file that they are of: whoever changes one of the two is found, whoever
+//! changes both is not, and who wrote them no hash can tell.
 
 mod claims;
 mod files;
 mod rounding;
+mod start;
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -59,6 +65,8 @@ pub struct Verification {
     pub checks: Vec<Check>,
     /// What differs, in the order it was found.
     pub discrepancies: Vec<String>,
+    /// What was taken on trust.
+    pub trusted: Vec<String>,
 }
 
 /// One thing that was checked.
@@ -76,8 +84,8 @@ pub struct Check {
 /// The folder holds no report to check.
 pub fn verify(folder: &Path) -> Result<Verification, VerifyError> {
     let mut findings = Findings::default();
-    let report = files::report(folder)?;
-    if let Some(files) = Files::read(folder, report, &mut findings) {
+    let report = files::report_text(folder)?;
+    if let Some(files) = Files::read(folder, &report, &mut findings) {
         claims::check(&files, &mut findings);
     }
     Ok(findings.into_verification())
@@ -88,6 +96,7 @@ pub fn verify(folder: &Path) -> Result<Verification, VerifyError> {
 struct Findings {
     checks: Vec<Check>,
     discrepancies: Vec<String>,
+    trusted: Vec<String>,
     max_k_upper: Option<f64>,
 }
 
@@ -105,6 +114,11 @@ impl Findings {
         self.discrepancies.push(discrepancy.into());
     }
 
+    /// Records what is not checked.
+    fn trust(&mut self, what: impl Into<String>) {
+        self.trusted.push(what.into());
+    }
+
     /// Records a discrepancy unless all is well.
     fn expect(&mut self, well: bool, discrepancy: impl FnOnce() -> String) {
         if !well {
@@ -113,8 +127,8 @@ impl Findings {
     }
 
     fn into_verification(self) -> Verification {
-        let Self { checks, discrepancies, max_k_upper } = self;
-        Verification { verified: discrepancies.is_empty(), max_k_upper, checks, discrepancies }
+        let Self { checks, discrepancies, trusted, max_k_upper } = self;
+        Verification { verified: discrepancies.is_empty(), max_k_upper, checks, discrepancies, trusted }
     }
 }
 
@@ -131,6 +145,9 @@ impl fmt::Display for Verification {
         }
         if self.discrepancies.len() > NAMED {
             writeln!(f, "            and {} more; --json lists all", self.discrepancies.len() - NAMED)?;
+        }
+        for what in &self.trusted {
+            writeln!(f, "trusted     {what}")?;
         }
         if let Some(upper) = self.max_k_upper {
             writeln!(f, "max K <= {upper} for exactly the positions in image.vtu")?;

@@ -11,13 +11,12 @@
 //! be at, with `Z_00` adding up to 1, and the sums of G, C and d over them; and the variance of the vertex that the mixture of
 //! corners has too much. A wall ([`Region::Beyond`]) is one more condition, linear in the moments.
 
-use std::time::Instant;
-
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use super::check::{Region, Wall, corner_of_box};
 use super::dual::{Dual, Level};
 use super::lifted::{ARGUMENTS, Derivatives, LiftedTet, moment};
+use crate::cancel::Cancel;
 use crate::domain::Domain;
 use crate::mesh::{TetId, Vec3, VertexId};
 
@@ -247,13 +246,13 @@ impl Moments {
 
     /// Follows the central path of the level until the slack is known to this accuracy, from an accuracy not below
     /// `first_accuracy`; whether the last point is centred.
-    pub(super) fn maximize_slack(&mut self, first_accuracy: f64, accuracy: f64, deadline: Instant) -> bool {
+    pub(super) fn maximize_slack(&mut self, first_accuracy: f64, accuracy: f64, cancel: &Cancel) -> bool {
         let terms = self.terms();
         // At most the weight that the slack of the point is balanced with: with a larger one the centre is hundreds of steps away.
         let Some(balance) = self.balance() else { return false };
         self.weight = (terms / first_accuracy).min(balance);
         loop {
-            if !self.centre(deadline) {
+            if !self.centre(cancel) {
                 return false;
             }
             if self.accuracy() <= accuracy * 1.001 {
@@ -313,10 +312,10 @@ impl Moments {
         value.is_finite().then_some(value)
     }
 
-    fn centre(&mut self, deadline: Instant) -> bool {
+    fn centre(&mut self, cancel: &Cancel) -> bool {
         let Some(mut value) = self.barrier(&self.point, &self.level) else { return false };
         for _ in 0..STEPS {
-            if Instant::now() > deadline {
+            if cancel.is_due() {
                 return false;
             }
             let Some((step, slope)) = self.newton_step() else { return false };

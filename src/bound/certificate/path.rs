@@ -1,12 +1,11 @@
 //! The central path of the relaxed problem of a sub-complex.
 
-use std::time::Instant;
-
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{RngCore, SeedableRng};
 
 use super::dual::Level;
 use super::relaxed::{Barrier, Block, COORDINATES, Position};
+use crate::cancel::Cancel;
 use crate::domain::Domain;
 use crate::linalg::BlockCholesky;
 use crate::mesh::{TetId, Vec3, VertexId};
@@ -138,9 +137,9 @@ impl<'a> Path<'a> {
     }
 
     /// Goes to the path at the present weight, then along its tangent to the next one.
-    pub(super) fn stage(&mut self, deadline: Instant) -> Stage {
+    pub(super) fn stage(&mut self, cancel: &Cancel) -> Stage {
         for taken in 0.. {
-            if Instant::now() > deadline {
+            if cancel.is_due() {
                 return Stage::Stuck;
             }
             let Some(step) = self.newton_step() else { return Stage::Stuck };

@@ -1,7 +1,6 @@
 //! The search for a certificate: where to look, and how multipliers become one.
 
 use std::cmp::Reverse;
-use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
@@ -12,6 +11,7 @@ use super::multipliers::Multipliers;
 use super::path::{Path, Stage};
 use super::relaxed::Barrier;
 use super::{Certificate, Outside, Split};
+use crate::cancel::Cancel;
 use crate::domain::Domain;
 use crate::measure::{Measured, measure};
 use crate::mesh::{TetId, Vec3, VertexId};
@@ -59,28 +59,30 @@ const PART_SLACKS: [f64; 3] = [1e-2, 1e-3, 1e-4];
 /// Accuracies of the slacks of the levels that are tried one after another.
 const SLACKS: [f64; 4] = [1e-3, 1e-4, 1e-5, 3e-6];
 
-/// Searches for a certificate for at most `time_limit`; interior entries of `image` are the map started from.
+/// Searches for a certificate until it finds no better one or the deadline; interior entries of `image` are the map started
+/// from.
 ///
 /// First lifted problems with orientation are solved around the active tets, with few free vertices, at most for a third of
 /// the time. Then the relaxed problem without orientation is solved roughly around many boundary vertices, those with the largest K first. Its level is
 /// about the bound that a certificate there can prove, and so the best of these places are then solved finely, on more and
 /// more rings of tets as long as that helps. If that leaves much room below the largest K, proofs around the active tets are
-/// split by where one vertex goes. The result depends on nothing but the arguments unless the time runs out.
+/// split by where one vertex goes. The result depends on nothing but the arguments unless it is ended early.
 ///
 /// `None` if the image has a flipped tet, or nothing was found.
 ///
 /// # Panics
 /// If `image` has fewer positions than the domain has vertices.
-pub fn search(domain: &Domain, image: &[Vec3], time_limit: Duration) -> Option<Certificate> {
-    let start = Instant::now();
+pub fn search(domain: &Domain, image: &[Vec3], cancel: &Cancel) -> Option<Certificate> {
+    let [third, half] =
+        [3, 2].map(|part| cancel.time_left().map_or_else(|| cancel.clone(), |left| cancel.within(left / part)));
     let measured = measure(domain, image);
     if !measured.summary.max_k.is_finite() {
         return None;
     }
-    let mut search = Search { domain, image, measured: &measured, deadline: start + time_limit, best: None };
-    search.lifted_problems(start + time_limit / 3);
+    let mut search = Search { domain, image, measured: &measured, cancel: cancel.clone(), best: None };
+    search.lifted_problems(&third);
     let level_around = |star: Vec<TetId>| {
-        if start.elapsed() > time_limit / 2 {
+        if half.is_due() {
             return None;
         }
         let tets = with_neighbours(domain, &star);
@@ -93,7 +95,7 @@ pub fn search(domain: &Domain, image: &[Vec3], time_limit: Duration) -> Option<C
     // Also where the level is below the best one: more rings may raise it.
     for (_, mut tets) in places.into_iter().take(FINALISTS) {
         let mut reached = f64::NEG_INFINITY;
-        while tets.len() <= MOST_TETS && Instant::now() < search.deadline {
+        while tets.len() <= MOST_TETS && !search.cancel.is_due() {
             let Some(level) = search.on(tets.clone()) else { break };
             let larger = with_neighbours(domain, &tets);
             if level < reached + WORTHWHILE || larger.len() == tets.len() {
@@ -110,9 +112,8 @@ pub fn search(domain: &Domain, image: &[Vec3], time_limit: Duration) -> Option<C
 ///
 /// # Panics
 /// If `image` has fewer positions than the domain has vertices.
-pub fn search_on(domain: &Domain, image: &[Vec3], tets: Vec<TetId>, time_limit: Duration) -> Option<Certificate> {
-    let deadline = Instant::now() + time_limit;
-    let mut search = Search { domain, image, measured: &measure(domain, image), deadline, best: None };
+pub fn search_on(domain: &Domain, image: &[Vec3], tets: Vec<TetId>, cancel: &Cancel) -> Option<Certificate> {
+    let mut search = Search { domain, image, measured: &measure(domain, image), cancel: cancel.clone(), best: None };
     search.on(tets)?;
     search.best
 }
@@ -121,7 +122,7 @@ struct Search<'a> {
     domain: &'a Domain,
     image: &'a [Vec3],
     measured: &'a Measured,
-    deadline: Instant,
+    cancel: Cancel,
     best: Option<Certificate>,
 }
 
@@ -147,7 +148,7 @@ impl<'a> Search<'a> {
     /// The relaxed problem solved roughly.
     fn rough(&self, tets: Vec<TetId>) -> Option<Path<'a>> {
         let mut path = self.path(tets)?;
-        while path.stage(self.deadline) != Stage::Stuck && path.accuracy() > ROUGH {
+        while path.stage(&self.cancel) != Stage::Stuck && path.accuracy() > ROUGH {
             path.raise_weight();
         }
         Some(path)
@@ -165,7 +166,7 @@ impl<'a> Search<'a> {
     /// Follows a path and tries for a certificate at every stage.
     fn follow_to_the_end(&mut self, path: &mut Path<'_>) {
         loop {
-            let stage = path.stage(self.deadline);
+            let stage = path.stage(&self.cancel);
             if path.accuracy() < 2.0 * ROUGH {
                 self.certify(path);
             }
@@ -220,17 +221,17 @@ impl<'a> Search<'a> {
     }
 
     /// Solves lifted problems around the tets with the largest K, with more and more free vertices.
-    fn lifted_problems(&mut self, deadline: Instant) {
+    fn lifted_problems(&mut self, cancel: &Cancel) {
         for seed in self.places() {
             let mut last = 0;
             for size in std::iter::once(seed.len()).chain(GROWTH.into_iter().filter(|&size| size > seed.len())) {
                 let free = self.grown(seed.clone(), size);
-                if free.len() == last || Instant::now() > deadline {
+                if free.len() == last || cancel.is_due() {
                     break;
                 }
                 last = free.len();
                 let before = self.best_log();
-                if !self.lifted(&free, deadline) || self.best_log() <= before {
+                if !self.lifted(&free, cancel) || self.best_log() <= before {
                     break;
                 }
             }
@@ -294,14 +295,14 @@ impl<'a> Search<'a> {
 
     /// Solves the lifted problem of some free vertices at levels near the least possible one and turns the multipliers into
     /// certificates; whether the least level was found.
-    fn lifted(&mut self, free: &[VertexId], deadline: Instant) -> bool {
+    fn lifted(&mut self, free: &[VertexId], cancel: &Cancel) -> bool {
         let tets = tets_among(self.domain, free);
         let largest = tets.iter().map(|tet| self.k(*tet)).fold(1.0, f64::max).ln();
         let mut log = self.best_log().max(FIRST_FRACTION * largest);
         let Some(mut problem) = Moments::new(self.domain, self.image, free, Region::Whole, log) else { return false };
         let mut first = 1.0;
         for accuracy in SLACKS {
-            let centred = problem.maximize_slack(first, accuracy, deadline);
+            let centred = problem.maximize_slack(first, accuracy, cancel);
             let Some(slope) = problem.slope().filter(|slope| *slope > 0.0) else { return false };
             let next = log - (problem.slack() + 0.5 * problem.accuracy()) / slope;
             if let Some(duals) = problem.duals() {
@@ -388,7 +389,7 @@ impl Search<'_> {
         let mut checker = Checker::new(self.domain, problem.tets().to_vec(), true, region).ok()?;
         let mut first = 1.0;
         for accuracy in PART_SLACKS {
-            if !problem.maximize_slack(first, accuracy, self.deadline) || problem.slack() > 0.0 {
+            if !problem.maximize_slack(first, accuracy, &self.cancel) || problem.slack() > 0.0 {
                 return None;
             }
             let duals = problem.duals()?;
@@ -455,7 +456,7 @@ fn with_neighbours(domain: &Domain, tets: &[TetId]) -> Vec<TetId> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::{MINUTE, random_star};
+    use super::super::tests::{minute, random_star};
     use super::super::{Rejection, check};
     use super::*;
 
@@ -463,14 +464,15 @@ mod tests {
     fn a_proof_split_by_a_box_is_whole_or_nothing() {
         let (domain, _, image) = random_star(0);
         let measured = measure(&domain, &image);
-        let deadline = Instant::now() + MINUTE;
-        let mut search = Search { domain: &domain, image: &image, measured: &measured, deadline, best: None };
+        let cancel = minute();
+        let mut search =
+            Search { domain: &domain, image: &image, measured: &measured, cancel: cancel.clone(), best: None };
         // A level well below one that is proved without a box.
         let places = search.places();
         let split = |free: Vec<VertexId>| {
             let free = search.grown(free, 3);
             search.best = None;
-            search.lifted(&free, deadline);
+            search.lifted(&free, &cancel);
             let level = 0.8 * search.best_log();
             Some((search.split(&free, free[0], level).filter(|_| level > 0.0)?, level))
         };

@@ -2,6 +2,7 @@ use std::time::Duration;
 
 use super::dual::{Dual, Level};
 use super::*;
+use crate::cancel::Cancel;
 use crate::dilatation::Dilatation;
 use crate::map::{RadialCoordinates, caraman};
 use crate::measure::measure;
@@ -9,7 +10,9 @@ use crate::mesh::{Mat3, TetMesh};
 use crate::optimize::{OptimizeSettings, optimize};
 use crate::solid::{CentreChoice, ShellSettings, Solid, shell_mesh, star_centre};
 
-pub(super) const MINUTE: Duration = Duration::from_secs(60);
+pub(super) fn minute() -> Cancel {
+    Cancel::default().within(Duration::from_secs(60))
+}
 
 /// The corner star of bounds.md's table (vertex_star_prototype.py): the cone at the origin over the triangle of directions,
 /// whose sides have `segments` parts, and the edge opposite each corner exchanged so that no tet is locked. A second cone
@@ -76,7 +79,7 @@ fn tetrahedron_corner(segments: usize) -> (Domain, Vec<Vec3>, Vec<TetId>) {
 }
 
 fn certified((domain, image, tets): (Domain, Vec<Vec3>, Vec<TetId>)) -> f64 {
-    let certificate = search_on(&domain, &image, tets, MINUTE).expect("the start is a map of finite K");
+    let certificate = search_on(&domain, &image, tets, &minute()).expect("the start is a map of finite K");
     check(&certificate, &domain, &image).unwrap()
 }
 
@@ -120,7 +123,7 @@ fn no_certificate_exceeds_a_map_with_its_boundary() {
         let stretched = measure(&domain, &optimized).summary.max_k;
         // From either map: the interior of the image is but a start.
         for start in [&radial, &optimized] {
-            let certificate = search(&domain, start, MINUTE).unwrap();
+            let certificate = search(&domain, start, &minute()).unwrap();
             let bound = bound(&certificate, &domain, &radial).unwrap();
             assert!(bound.applies && bound.certified && bound.value > 1.0);
             assert!(bound.value <= stretched, "seed {seed}: {} above {stretched}", bound.value);
@@ -136,7 +139,7 @@ fn no_certificate_exceeds_a_map_with_its_boundary() {
 #[test]
 fn a_certificate_survives_its_file_and_needs_no_interior_positions() {
     let (domain, mut image, tets) = cube_corner(3);
-    let certificate = search_on(&domain, &image, tets, MINUTE).unwrap();
+    let certificate = search_on(&domain, &image, tets, &minute()).unwrap();
     let read: Certificate = serde_json::from_str(&certificate.to_json()).unwrap();
     assert_eq!(read, certificate);
     let inside = (0..image.len()).filter(|&v| !domain.boundary().vertex_mask()[v]);
@@ -150,7 +153,7 @@ fn a_certificate_survives_its_file_and_needs_no_interior_positions() {
 #[test]
 fn tampering_is_rejected() {
     let (domain, image, tets) = cube_corner(3);
-    let good = search_on(&domain, &image, tets, MINUTE).unwrap();
+    let good = search_on(&domain, &image, tets, &minute()).unwrap();
     let rejected = |change: &dyn Fn(&mut Certificate)| {
         let mut bad = good.clone();
         change(&mut bad);
@@ -220,7 +223,7 @@ fn tampering_is_rejected() {
     one.upper.truncate(1);
     one.trace.truncate(1);
     assert_eq!(check(&one, &single, single.mesh().points()), Err(Rejection::NothingFree));
-    assert_eq!(search(&single, single.mesh().points(), MINUTE), None);
+    assert_eq!(search(&single, single.mesh().points(), &minute()), None);
 }
 
 /// In [-1, 1], from a sequence of its own.
@@ -297,7 +300,7 @@ fn the_form_is_not_negative_where_the_level_is_kept() {
 #[test]
 fn tampering_with_orientation_is_rejected() {
     let (domain, image, tets) = cube_corner(12);
-    let good = search_on(&domain, &image, tets, MINUTE).unwrap();
+    let good = search_on(&domain, &image, tets, &minute()).unwrap();
     assert!(!good.is_oriented());
     let count = good.tets.len();
     let free = |tet: &u32| {
@@ -365,9 +368,12 @@ fn in_a_box_the_form_is_largest_at_a_corner_but_for_a_term_of_second_order() {
 fn orientation_raises_the_bound_of_one_free_vertex_towards_the_apex_bound() {
     // All conditions are convex in one position, and so the apex bound is the best there is. Without orientation there is a gap.
     let (domain, start, tets) = cube_corner(3);
-    let oriented = search(&domain, &start, MINUTE).unwrap();
-    let unoriented = search_on(&domain, &start, tets, MINUTE).unwrap();
-    let apex = crate::bound::apex(&domain, &start).into_iter().find(|bound| bound.kind == Kind::K).unwrap();
+    let oriented = search(&domain, &start, &minute()).unwrap();
+    let unoriented = search_on(&domain, &start, tets, &minute()).unwrap();
+    let apex = crate::bound::apex(&domain, &start, &Cancel::default())
+        .into_iter()
+        .find(|bound| bound.kind == Kind::K)
+        .unwrap();
     assert!(oriented.is_oriented() && !unoriented.is_oriented());
     // The apex bound is a little below the least K.
     assert!(oriented.level <= apex.value * (1.0 + 1e-6), "{} {}", oriented.level, apex.value);

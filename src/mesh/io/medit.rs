@@ -150,7 +150,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<TetFile, Fault> {
         reference(field()?)?;
         Ok(tet)
     })?;
-    Ok(TetFile { soup: TetSoup { points, tets }, cell_data: Vec::new(), skipped_cells })
+    Ok(TetFile { soup: TetSoup { points, tets }, cell_data: Vec::new(), point_vectors: Vec::new(), skipped_cells })
 }
 
 fn reference(token: Token) -> Result<f64, Fault> {

@@ -12,8 +12,10 @@ pub struct TetFile {
     /// Points and tets.
     pub soup: TetSoup,
     /// The scalar arrays on the tets, in the file's order; NaN where a file gives a tet no value. Arrays of vectors are
-    /// not read, and neither is data on points.
+    /// not read.
     pub cell_data: CellData,
+    /// The arrays of vectors on the points, in the file's order; read of VTU files only.
+    pub point_vectors: Vec<(String, Vec<Vec3>)>,
     /// How many vertices, lines, triangles and other cells of lower dimension were skipped.
     pub skipped_cells: usize,
 }
@@ -64,12 +66,17 @@ impl Cells {
                 *values = self.places.iter().map(|&place| values[place]).collect();
             }
         }
-        Ok(TetFile { soup: TetSoup { points, tets }, cell_data, skipped_cells })
+        Ok(TetFile { soup: TetSoup { points, tets }, cell_data, point_vectors: Vec::new(), skipped_cells })
     }
 }
 
+/// Triples of numbers as vectors.
+pub(super) fn vectors(numbers: &[f64]) -> Vec<Vec3> {
+    numbers.chunks_exact(3).map(Vec3::from_column_slice).collect()
+}
+
 fn points(coordinates: &[f64]) -> Result<Vec<Vec3>, Fault> {
-    let points: Vec<Vec3> = coordinates.chunks_exact(3).map(Vec3::from_column_slice).collect();
+    let points = vectors(coordinates);
     if u32::try_from(points.len()).is_err() {
         return Err((None, format!("{} vertices are more than can be numbered (2^32)", points.len())));
     }

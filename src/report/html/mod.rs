@@ -1,5 +1,5 @@
-//! `report.html`, one file that needs no network, and the pictures in `plots/`: made from the other files of a results
-//! folder alone.
+//! `report.html`, one file that needs no network, and the pictures in `plots/`: made from a run's record and maps, or from the
+//! other files of a results folder alone.
 
 mod chart;
 mod page;
@@ -10,6 +10,7 @@ mod sweep;
 
 use std::path::{Path, PathBuf};
 
+use super::{MapRecord, Report};
 use crate::mesh::io::{ReadError, WriteError};
 
 /// What a folder holds.
@@ -68,9 +69,30 @@ pub fn write_pages(folder: &Path) -> Result<PathBuf, PageError> {
         return Err(PageError::NoResults { path: folder.into() });
     };
     let page = match kind {
-        Kind::Run => run::page(folder)?,
+        Kind::Run => run::of_folder(folder)?,
         Kind::Sweep => sweep::page(folder)?,
     };
+    put(&page, folder)
+}
+
+/// The same of a run whose files stand in `folder`, from what they were written from.
+///
+/// # Errors
+/// A file that cannot be written.
+pub fn write_pages_of(folder: &Path, report: &Report, record: &MapRecord) -> Result<PathBuf, PageError> {
+    let cells = record.cell_rows();
+    let page = run::page(&run::Shown {
+        report,
+        cells: &cells,
+        trace: record.trace,
+        mesh: &record.domain.mesh().in_unit(record.units[0].inverse()),
+        boundary: record.domain.boundary(),
+        image: &record.units[1].give_back_points(record.image),
+    });
+    put(&page, folder)
+}
+
+fn put(page: &page::Page, folder: &Path) -> Result<PathBuf, PageError> {
     let path = folder.join("report.html");
     page.write_plots(folder)?;
     page.write(&path)?;

@@ -1,41 +1,36 @@
-//! The page of a run, from `report.json`, `summary.txt`, `trace.csv`, `cells.csv`, `domain.vtu` and `image.vtu`.
+//! The page of a run, from its record, its maps and its trace: those at hand, or those of its files.
 
 use std::path::Path;
 
 use serde::Deserialize;
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::chart::{Axis, Chart, Series, Style};
 use super::page::{Page, chart, paragraph, text};
 use super::surfaces::{CellValues, surfaces};
 use super::{PageError, read_text};
-use crate::dilatation;
+use crate::bound::LowerBound;
+use crate::dilatation::{lower_bound, number, upper_bound};
 use crate::mesh::io::read_tets;
-use crate::mesh::{Boundary, TetMesh};
+use crate::mesh::{Boundary, Place, TetMesh, Unit, Vec3};
+use crate::optimize::TraceRow;
 use crate::report::summary::{decimals, point};
+use crate::report::{CellRow, MapFigures, Report, summary};
 
 /// Bins of a histogram of K.
 const BINS: usize = 48;
 /// Points of a cumulative curve.
 const CURVE_POINTS: usize = 300;
 
-/// A line of `cells.csv`.
-#[derive(Deserialize)]
-struct CellRow {
-    k_initial: f64,
-    k_inner: f64,
-    k_outer: f64,
-    k: f64,
-    active: bool,
-}
-
-/// A line of `trace.csv`.
-#[derive(Deserialize)]
-struct Row {
-    phase: String,
-    iteration: usize,
-    max_k: f64,
-    mean_k: f64,
+/// What a page shows.
+pub(super) struct Shown<'a> {
+    pub report: &'a Report,
+    pub cells: &'a [CellRow],
+    pub trace: &'a [TraceRow],
+    pub mesh: &'a TetMesh,
+    pub boundary: &'a Boundary,
+    /// Image positions arrived at.
+    pub image: &'a [Vec3],
 }
 
 fn rows<T: for<'a> Deserialize<'a>>(path: &Path) -> Result<Vec<T>, PageError> {
@@ -43,18 +38,43 @@ fn rows<T: for<'a> Deserialize<'a>>(path: &Path) -> Result<Vec<T>, PageError> {
     reader.deserialize().map(|row| row.map_err(|error| PageError::broken(path, error))).collect()
 }
 
-/// Reads the folder of a run.
-pub(super) fn page(folder: &Path) -> Result<Page, PageError> {
+/// The page of the folder of a run.
+pub(super) fn of_folder(folder: &Path) -> Result<Page, PageError> {
     let record = folder.join("report.json");
-    let report: Value =
+    let report: Report =
         serde_json::from_str(&read_text(&record)?).map_err(|error| PageError::broken(&record, error))?;
     let cells: Vec<CellRow> = rows(&folder.join("cells.csv"))?;
-    let trace: Vec<Row> = rows(&folder.join("trace.csv"))?;
-    let charts = [histogram(&cells), cumulative(&cells), convergence(&trace), ladder(&report)];
-    let summary = std::fs::read_to_string(folder.join("summary.txt")).unwrap_or_default();
-    let viewer = viewer(folder, &report, &cells)?;
+    let trace: Vec<TraceRow> = rows(&folder.join("trace.csv"))?;
+    let [domain_path, image_path] = ["domain.vtu", "image.vtu"].map(|name| folder.join(name));
+    let (domain, image) = (read_tets(&domain_path)?, read_tets(&image_path)?);
+    if image.points.len() != domain.points.len() {
+        return Err(PageError::broken(&image_path, "it has not as many vertices as domain.vtu"));
+    }
+    if cells.len() != domain.tets.len() {
+        return Err(PageError::broken(&folder.join("cells.csv"), "it has not as many rows as domain.vtu has tets"));
+    }
+    // The sign of a volume may be out of the range of numbers.
+    let unit = Unit::of_extreme(&domain.points);
+    let mesh = TetMesh::new(unit.take_points(&domain.points), domain.tets);
+    let mesh = mesh.map_err(|error| PageError::broken(&domain_path, error))?.in_unit(unit.inverse());
+    let boundary = Boundary::of(&mesh).map_err(|error| PageError::broken(&domain_path, error))?;
+    Ok(page(&Shown {
+        report: &report,
+        cells: &cells,
+        trace: &trace,
+        mesh: &mesh,
+        boundary: &boundary,
+        image: &image.points,
+    }))
+}
+
+/// The page of a run.
+pub(super) fn page(shown: &Shown) -> Page {
+    let report = shown.report;
+    let charts = [histogram(shown.cells), cumulative(shown.cells), convergence(shown.trace), ladder(report)];
+    let viewer = viewer(shown);
     let sections = vec![
-        ("In short".into(), in_short(&report, &summary)),
+        ("In short".into(), in_short(report)),
         (
             "Domain and image".into(),
             match viewer {
@@ -67,85 +87,71 @@ pub(super) fn page(folder: &Path) -> Result<Page, PageError> {
             format!("<div class=\"pair\">{}{}</div>\n", chart(&charts[0]), chart(&charts[1])),
         ),
         ("Convergence".into(), chart(&charts[2])),
-        ("Bounds".into(), chart(&charts[3]) + &bounds_table(&report)),
+        ("Bounds".into(), chart(&charts[3]) + &bounds_table(&report.achieved.bounds)),
     ];
-    let name = report["name"].as_str().unwrap_or("run");
-    Ok(Page { title: format!("qcball: {name}"), sections, charts: charts.into(), viewer })
+    Page { title: format!("qcball: {}", report.name), sections, charts: charts.into(), viewer }
 }
 
-/// A dilatation with four decimals; `null` stands for infinity.
-fn number(value: &Value) -> String {
-    value.as_f64().map_or_else(|| "inf".into(), dilatation::number)
-}
-
-fn in_short(report: &Value, summary: &str) -> String {
-    let of = |pointer: &str| number(report.pointer(pointer).unwrap_or(&Value::Null));
-    let gap = report["gap"].as_f64().map_or_else(|| "none".into(), dilatation::upper_bound);
-    let bound = report["best_bound"].as_f64().map_or_else(|| "none".into(), dilatation::lower_bound);
-    let bijective = report["bijective"] == true;
+fn in_short(report: &Report) -> String {
+    let gap = report.achieved.best.gap.map(upper_bound);
+    let bound = report.achieved.best.best_bound.map(lower_bound);
+    let none = || "none".to_string();
     let cards = [
-        ("largest K", of("/final/max_k")),
-        ("mean K", of("/final/mean_k")),
-        ("99 % of tets have K up to", of("/final/p99_k")),
-        ("best proved bound", bound.clone()),
-        ("gap", gap.clone()),
-        ("bijective", if bijective { "yes" } else { "no" }.into()),
+        ("largest K", number(report.achieved.last.max_k)),
+        ("mean K", number(report.achieved.last.mean_k)),
+        ("99 % of tets have K up to", number(report.achieved.last.p99_k)),
+        ("best proved bound", bound.clone().unwrap_or_else(none)),
+        ("gap", gap.clone().unwrap_or_else(none)),
+        ("bijective", if report.bijective { "yes" } else { "no" }.into()),
     ];
     let cards: String =
         cards.iter().map(|(name, value)| format!("<div><dt>{name}</dt><dd>{}</dd></div>", text(value))).collect();
-    // Maps in closed form go onto images of their own.
-    let start = match report["map"].as_str() {
-        Some(map) if map.starts_with("farthest") => format!("onto the unit ball. From the map \"{map}\""),
-        Some(map) if report["radial_exponent"].is_null() => {
-            format!("by the map \"{map}\", whose values at the boundary were kept. From this map")
-        }
-        _ => "onto the unit ball. From the radial map".to_string(),
-    };
     let mut words = format!(
         "A mesh of {tets} tets and {vertices} vertices ({solid}) was mapped {start} to the final one the largest K went from \
          {} to {} and the mean K from {} to {}, in {} iterations.",
-        of("/initial/max_k"),
-        of("/final/max_k"),
-        of("/initial/mean_k"),
-        of("/final/mean_k"),
-        report["iterations"],
-        solid = report["domain"]["solid"].as_str().unwrap_or("a given solid"),
-        tets = report["domain"]["tets"],
-        vertices = report["domain"]["vertices"],
+        number(report.achieved.initial.max_k),
+        number(report.achieved.last.max_k),
+        number(report.achieved.initial.mean_k),
+        number(report.achieved.last.mean_k),
+        report.achieved.iterations,
+        start = start_in_words(&report.map),
+        solid = report.domain.solid,
+        tets = report.domain.tets,
+        vertices = report.domain.vertices,
     );
-    if report["best_bound"].is_number() {
+    if let Some(bound) = bound {
         words += &format!(" It is proved that no map of this mesh with this boundary has a largest K below {bound}");
-        words +=
-            &if report["gap"].is_number() { format!(": the map is within a factor of {gap}.") } else { ".".into() };
+        words += &gap.map_or_else(|| ".".into(), |gap| format!(": the map is within a factor of {gap}."));
     }
     let mut html = format!("<dl class=\"cards\">{cards}</dl>\n{}", paragraph(&words));
-    let reason = report["bijective_reason"].as_str().unwrap_or_default();
-    html += &paragraph(&format!("The map is {}bijective: {reason}.", if bijective { "" } else { "not known to be " }));
-    if let Some(limit) = report["limit"]["sentence"].as_str() {
-        html += &paragraph(&format!("{}.", capital(limit)));
-    }
-    if let Some(place) = bottleneck(report) {
-        html += &paragraph(&place);
-    }
-    for warning in report["warnings"].as_array().into_iter().flatten().filter_map(Value::as_str) {
+    let known = if report.bijective { "" } else { "not known to be " };
+    html += &paragraph(&format!("The map is {known}bijective: {}.", report.bijective_reason));
+    html += &paragraph(&format!("{}.", capital(&report.achieved.limit.sentence)));
+    html += &bottleneck(report).map(|place| paragraph(&place)).unwrap_or_default();
+    for warning in &report.warnings {
         html += &format!("<p class=\"warning\">Warning: {}</p>\n", text(warning));
     }
-    if !summary.is_empty() {
-        html += &format!(
-            "<details><summary>The whole summary</summary><pre tabindex=\"0\">{}</pre></details>\n",
-            text(summary)
-        );
-    }
-    let config = report["config_text"].as_str().unwrap_or_default();
     html + &format!(
-        "<details><summary>The config</summary><pre tabindex=\"0\">{}</pre></details>\n<p class=\"small\">qcball {}, revision {}, config {}, \
+        "<details><summary>The whole summary</summary><pre tabindex=\"0\">{}</pre></details>\n\
+         <details><summary>The config</summary><pre tabindex=\"0\">{}</pre></details>\n<p class=\"small\">qcball {}, revision {}, config {}, \
          seed {}</p>\n",
-        text(config),
-        text(report["version"].as_str().unwrap_or("?")),
-        text(report["revision"].as_str().unwrap_or("?")),
-        text(report["config"].as_str().unwrap_or("?")),
-        report["seed"]
+        text(&summary(report)),
+        text(&report.config_text),
+        text(&report.version),
+        text(&report.revision),
+        text(&report.config),
+        report.seed
     )
+}
+
+/// Where the map started from goes, and which it is: only maps about a star centre have the closed form of the smooth radial map.
+fn start_in_words(map: &MapFigures) -> String {
+    match (map.radial_exponent, map.radial_smooth_k) {
+        (Some(_), Some(_)) => "onto the unit ball. From the radial map".to_string(),
+        (Some(_), None) => format!("onto the unit ball. From the map \"{}\"", map.map),
+        // Maps in closed form go onto images of their own.
+        (None, _) => format!("by the map \"{}\", whose values at the boundary were kept. From this map", map.map),
+    }
 }
 
 fn capital(words: &str) -> String {
@@ -153,68 +159,47 @@ fn capital(words: &str) -> String {
     letters.next().map(|first| first.to_uppercase().chain(letters).collect()).unwrap_or_default()
 }
 
-/// The bottleneck's vertices and position in the domain.
-fn place(report: &Value) -> Option<(Vec<usize>, [f64; 3])> {
-    let place = report.pointer("/bottleneck/place")?;
-    let position = ["position", "midpoint", "centroid"].iter().find_map(|key| place.get(key))?;
-    let position = serde_json::from_value(position.clone()).ok()?;
-    let vertices = match place.get("vertex") {
-        Some(vertex) => vec![vertex.as_u64()? as usize],
-        None => serde_json::from_value(place.get("vertices")?.clone()).ok()?,
+fn bottleneck(report: &Report) -> Option<String> {
+    let bottleneck = report.bottleneck.as_ref()?;
+    let decimals = decimals(report.domain.volume);
+    let kind = match bottleneck.place {
+        Place::Vertex { .. } => "vertex",
+        Place::Edge { .. } => "edge",
+        Place::Face { .. } => "face",
     };
-    Some((vertices, position))
-}
-
-fn bottleneck(report: &Value) -> Option<String> {
-    let (vertices, position) = place(report)?;
-    let decimals = decimals(report["domain"]["volume"].as_f64().unwrap_or(1.0));
-    let bottleneck = &report["bottleneck"];
-    let kind = match vertices.len() {
-        1 => "vertex",
-        2 => "edge",
-        _ => "face",
-    };
-    let vertices: Vec<String> = vertices.iter().map(usize::to_string).collect();
-    let count = bottleneck["places"].as_u64().unwrap_or(1);
+    let vertices: Vec<String> = bottleneck.place.vertices().iter().map(u32::to_string).collect();
+    let count = bottleneck.places;
     let others = if count > 1 { format!(", one of {count} such places") } else { String::new() };
-    let inside = if bottleneck["interior"] == true { "inside the solid, nearest to" } else { "at" };
+    let inside = if bottleneck.interior { "inside the solid, nearest to" } else { "at" };
     Some(format!(
         "The bottleneck: {} tets have a K within 0.1 % of the largest, {inside} the {kind} {} at {}{others}. It is marked in the viewer.",
-        bottleneck["active"],
+        bottleneck.active,
         vertices.join("-"),
-        point(position, decimals)
+        point(bottleneck.place.position(), decimals)
     ))
 }
 
-fn viewer(folder: &Path, report: &Value, cells: &[CellRow]) -> Result<Option<String>, PageError> {
-    let [domain_path, image_path] = ["domain.vtu", "image.vtu"].map(|name| folder.join(name));
-    let (domain, image) = (read_tets(&domain_path)?, read_tets(&image_path)?);
-    if image.points.len() != domain.points.len() {
-        return Err(PageError::broken(&image_path, "it has not as many vertices as domain.vtu"));
-    }
-    if cells.len() != domain.tets.len() {
-        return Err(PageError::broken(&folder.join("cells.csv"), "it has not as many rows as domain.vtu has tets"));
-    }
-    let mesh = TetMesh::new(domain.points, domain.tets).map_err(|error| PageError::broken(&domain_path, error))?;
-    let boundary = Boundary::of(&mesh).map_err(|error| PageError::broken(&domain_path, error))?;
-    let column = |value: fn(&CellRow) -> f64| cells.iter().map(value).collect();
+/// What the viewer draws, unless the boundary is too large.
+fn viewer(shown: &Shown) -> Option<String> {
+    let column = |value: fn(&CellRow) -> f64| shown.cells.iter().map(value).collect();
     let values = CellValues {
         inner: column(|cell| cell.k_inner),
         outer: column(|cell| cell.k_outer),
         start: column(|cell| cell.k_initial),
-        active: cells.iter().map(|cell| cell.active).collect(),
+        active: shown.cells.iter().map(|cell| cell.active).collect(),
     };
-    let marker = place(report).and_then(|(vertices, position)| {
-        let there: Option<Vec<_>> = vertices.iter().map(|&vertex| image.points.get(vertex)).collect();
-        let there = there?;
-        let mean: [f64; 3] = (there.iter().copied().sum::<crate::mesh::Vec3>() / there.len() as f64).into();
-        Some(json!([position, mean]))
+    let marker = shown.report.bottleneck.as_ref().and_then(|bottleneck| {
+        let vertices = bottleneck.place.vertices();
+        let there: Option<Vec<Vec3>> =
+            vertices.iter().map(|&vertex| shown.image.get(vertex as usize).copied()).collect();
+        let mean: [f64; 3] = (there?.into_iter().sum::<Vec3>() / vertices.len() as f64).into();
+        Some(json!([bottleneck.place.position(), mean]))
     });
     let finite = |value: f64, most: f64| if value.is_finite() { most.max(value) } else { most };
     // Both maps on one scale, so that colours compare.
-    let most = cells.iter().fold(1.0, |most, cell| finite(cell.k, finite(cell.k_initial, most)));
-    let Some(surfaces) = surfaces(&mesh, &boundary, &image.points, &values) else { return Ok(None) };
-    Ok(Some(json!({ "surfaces": surfaces, "marker": marker, "most": most }).to_string()))
+    let most = shown.cells.iter().fold(1.0, |most, cell| finite(cell.k, finite(cell.k_initial, most)));
+    let surfaces = surfaces(shown.mesh, shown.boundary, shown.image, &values)?;
+    Some(json!({ "surfaces": surfaces, "marker": marker, "most": most }).to_string())
 }
 
 /// K before and after, sorted.
@@ -273,12 +258,12 @@ fn cumulative(cells: &[CellRow]) -> Chart {
     }
 }
 
-fn convergence(trace: &[Row]) -> Chart {
-    let series = |name: &str, colour: usize, value: fn(&Row) -> f64| {
+fn convergence(trace: &[TraceRow]) -> Chart {
+    let series = |name: &str, colour: usize, value: fn(&TraceRow) -> f64| {
         let points = trace.iter().enumerate().map(|(index, row)| [index as f64, value(row)]).collect();
-        let hover = trace.iter().map(|row| {
-            format!("{}, iteration {}: {name} {}", row.phase, row.iteration, dilatation::number(value(row)))
-        });
+        let hover = trace
+            .iter()
+            .map(|row| format!("{}, iteration {}: {name} {}", row.phase, row.iteration, number(value(row))));
         Series { hover: hover.collect(), ..Series::new(name, colour, Style::Line, points) }
     };
     let values = trace.iter().flat_map(|row| [row.max_k, row.mean_k]);
@@ -300,26 +285,27 @@ const RUNGS: [(&str, usize); 5] = [
     ("start", 0),
 ];
 
-fn ladder(report: &Value) -> Chart {
+fn ladder(report: &Report) -> Chart {
     let mut rungs: Vec<(usize, f64, String, String)> = Vec::new();
-    for bound in report["bounds"].as_array().into_iter().flatten() {
-        let Some(value) = bound["value"].as_f64() else { continue };
-        let kind = match (bound["certified"] == true, bound["applies"] == true) {
+    for bound in &report.achieved.bounds {
+        let kind = match (bound.certified, bound.applies) {
             (false, _) => 0,
             (true, false) => 1,
             (true, true) => 2,
         };
-        let [name, of, scope, reason, source] =
-            ["name", "kind", "scope", "reason", "source"].map(|key| bound[key].as_str().unwrap_or("?"));
-        let shown = dilatation::lower_bound(value);
-        let hover = format!("{name}: {of} >= {shown}<br>{scope}<br>{reason}<br>{source}");
-        rungs.push((kind, value, format!("{name} {of} {shown}"), hover));
+        let LowerBound { name, source, kind: of, value, scope, reason, .. } = bound;
+        let (of, shown) = (of.symbol(), lower_bound(*value));
+        let hover = format!("{name}: {of} >= {shown}<br>{}<br>{reason}<br>{source}", scope.in_words());
+        rungs.push((kind, *value, format!("{name} {of} {shown}"), hover));
     }
-    let maps =
-        [(3, "/final/max_k", "final map"), (4, "/initial/max_k", "start"), (4, "/radial_smooth_k", "radial, smooth")];
-    for (kind, pointer, name) in maps {
-        if let Some(value) = report.pointer(pointer).and_then(Value::as_f64) {
-            let shown = dilatation::number(value);
+    let maps = [
+        (3, Some(report.achieved.last.max_k), "final map"),
+        (4, Some(report.achieved.initial.max_k), "start"),
+        (4, report.map.radial_smooth_k, "radial, smooth"),
+    ];
+    for (kind, value, name) in maps {
+        if let Some(value) = value.filter(|value| value.is_finite()) {
+            let shown = number(value);
             rungs.push((kind, value, format!("{name} {shown}"), format!("{name}: largest K {shown}")));
         }
     }
@@ -342,38 +328,23 @@ fn ladder(report: &Value) -> Chart {
 }
 
 /// What the bars say on hovering, for those who do not hover.
-fn bounds_table(report: &Value) -> String {
-    let row = |bound: &Value| {
-        let [name, of, scope, reason, source] =
-            ["name", "kind", "scope", "reason", "source"].map(|key| text(bound[key].as_str().unwrap_or("?")));
-        let yes = |key: &str| if bound[key] == true { "yes" } else { "no" };
+fn bounds_table(bounds: &[LowerBound]) -> String {
+    let row = |bound: &LowerBound| {
+        let [name, scope, reason, source] =
+            [bound.name, bound.scope.in_words(), bound.reason.as_str(), bound.source].map(text);
+        let yes = |yes: bool| if yes { "yes" } else { "no" };
         format!(
-            "<tr><td>{name}</td><td>{of} &ge; {}</td><td>{}</td><td>{}</td><td>{scope}; {reason}</td><td>{source}</td></tr>\n",
-            bound["value"].as_f64().map_or_else(|| "?".into(), dilatation::lower_bound),
-            yes("certified"),
-            yes("applies")
+            "<tr><td>{name}</td><td>{} &ge; {}</td><td>{}</td><td>{}</td><td>{scope}; {reason}</td><td>{source}</td></tr>\n",
+            bound.kind.symbol(),
+            lower_bound(bound.value),
+            yes(bound.certified),
+            yes(bound.applies)
         )
     };
-    let rows: String = report["bounds"].as_array().into_iter().flatten().map(row).collect();
+    let rows: String = bounds.iter().map(row).collect();
     format!(
         "<details><summary>The bounds as a table</summary><div class=\"scroll\" tabindex=\"0\"><table><thead><tr><th>bound</th>\
          <th>value</th><th>proved</th><th>applies</th><th>for which maps</th><th>source</th></tr></thead><tbody>{rows}\
          </tbody></table></div></details>\n"
     )
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_bottleneck_of_a_small_solid_has_digits() {
-        // A solid some 0.00126 across: four figures take six decimals.
-        let report = json!({
-            "domain": { "volume": 2e-9 },
-            "bottleneck": { "active": 3, "places": 1, "interior": false, "place": { "vertex": 5, "position": [0.00123, 0.0, -1e-9] } }
-        });
-        let words = bottleneck(&report).unwrap();
-        assert!(words.contains("the vertex 5 at (0.001230, 0.000000, 0.000000)"), "{words}");
-    }
 }

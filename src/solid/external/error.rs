@@ -50,6 +50,9 @@ pub enum ExternalError {
         /// What it said until then.
         words: String,
     },
+    /// It was interrupted from outside.
+    #[error("{0} was interrupted")]
+    Cancelled(ExternalMesher),
     /// The program failed by its own account, or died.
     #[error("{mesher} failed ({status}){}", said_at_the_end(*mesher, words))]
     Failed {

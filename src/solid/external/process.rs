@@ -4,16 +4,18 @@ use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use super::{ExternalError, ExternalMesher};
+use super::{ExternalError, ExternalMesher, ExternalSettings};
+use crate::cancel::Cancel;
 
 /// The program of a mesher and the time it has left.
 pub(super) struct Program {
     mesher: ExternalMesher,
     path: PathBuf,
-    start: Instant,
     limit: Duration,
+    /// With the limit as deadline.
+    cancel: Cancel,
 }
 
 /// A run that came to its end by itself.
@@ -25,10 +27,11 @@ pub(super) struct Ended {
 
 impl Program {
     /// Finds the program: the configured one, else the environment's, else the usual name. The time starts now.
-    pub fn find(mesher: ExternalMesher, configured: Option<&Path>, limit: Duration) -> Result<Self, ExternalError> {
+    pub fn find(settings: &ExternalSettings, cancel: &Cancel) -> Result<Self, ExternalError> {
+        let &ExternalSettings { mesher, ref program, time_limit: limit, .. } = settings;
         let variable = std::env::var_os(mesher.variable()).filter(|value| !value.is_empty());
-        let (path, source) = match (configured, variable) {
-            (Some(path), _) => (path.to_path_buf(), "the config's program"),
+        let (path, source) = match (program, variable) {
+            (Some(path), _) => (path.clone(), "the config's program"),
             (None, Some(value)) => (PathBuf::from(value), mesher.variable()),
             (None, None) => (PathBuf::from(mesher.program()), ""),
         };
@@ -44,7 +47,7 @@ impl Program {
             (source, _) => format!("{source} is {}, which is no program that may be run", path.display()),
         };
         let path = found.ok_or_else(|| ExternalError::Missing { mesher, tried: tried() })?;
-        Ok(Self { mesher, path, start: Instant::now(), limit })
+        Ok(Self { mesher, path, limit, cancel: cancel.within(limit) })
     }
 
     /// Runs the program in a folder, where its output is collected too: a pipe would fill up and block it.
@@ -58,10 +61,11 @@ impl Program {
         command.stderr(File::create(&errors).map_err(ExternalError::Files)?);
         let failed = |source| ExternalError::Run { mesher: self.mesher, source };
         let mut running = Running(command.spawn().map_err(failed)?);
-        let status = running.wait(self.start, self.limit).map_err(failed)?;
+        let status = running.wait(&self.cancel).map_err(failed)?;
         let words = || format!("{}{}", last_lines(&output), last_lines(&errors)).trim_end().to_string();
         match status {
             Some(status) => Ok(Ended { status, words: words() }),
+            None if self.cancel.is_raised() => Err(ExternalError::Cancelled(self.mesher)),
             None => Err(ExternalError::TimedOut { mesher: self.mesher, limit: self.limit, words: words() }),
         }
     }
@@ -92,15 +96,17 @@ impl Program {
 struct Running(Child);
 
 impl Running {
-    /// The status, or `None` if the time ran out first.
-    fn wait(&mut self, start: Instant, limit: Duration) -> io::Result<Option<ExitStatus>> {
+    /// The status, or `None` if it was to end first.
+    fn wait(&mut self, cancel: &Cancel) -> io::Result<Option<ExitStatus>> {
         let mut pause = Duration::from_millis(1);
         loop {
             if let Some(status) = self.0.try_wait()? {
                 return Ok(Some(status));
             }
-            let Some(left) = limit.checked_sub(start.elapsed()) else { return Ok(None) };
-            std::thread::sleep(pause.min(left));
+            if cancel.is_due() {
+                return Ok(None);
+            }
+            std::thread::sleep(cancel.time_left().map_or(pause, |left| pause.min(left)));
             // Small meshes take milliseconds, large ones minutes.
             pause = (2 * pause).min(Duration::from_millis(50));
         }

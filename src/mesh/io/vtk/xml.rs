@@ -6,7 +6,7 @@ use quick_xml::{Reader, XmlVersion};
 use super::arrays::{Array, Arrays, Layout, line_at};
 use super::cells::Grid;
 use crate::mesh::io::numbers::Kind;
-use crate::mesh::io::tet_file::TetFile;
+use crate::mesh::io::tet_file::{TetFile, vectors};
 use crate::mesh::io::tokens::{Fault, find};
 
 /// Reads the points, tets and scalar cell data of an unstructured grid in one piece.
@@ -160,7 +160,12 @@ impl<'a> Outline<'a> {
             types: arrays.integers(of_cells("types")?, Some(cells))?,
             cell_data,
         };
-        grid.into_tets()
+        let mut file = grid.into_tets()?;
+        for array in within("PointData").filter(|array| array.components == 3 && array.kind.is_some()) {
+            let numbers = arrays.decode(array, Some(points))?.into_floats();
+            file.point_vectors.push((array.name.clone(), vectors(&numbers)));
+        }
+        Ok(file)
     }
 }
 

@@ -1,0 +1,144 @@
+//! What the config makes, made again: the domain and the map started from.
+
+use std::path::Path;
+
+use super::Findings;
+use super::files::Files;
+use crate::config::{Config, ConfigSource, DomainSource, MeshPlan, Plan};
+use crate::experiment::{RunError, Start};
+use crate::mesh::Vec3;
+use crate::solid::StarCentre;
+
+/// Distance, relative to the extent of all positions, within which two are the same: elementary functions differ in their last
+/// bits from one machine to the next.
+const SAME: f64 = 1e-11;
+
+/// The run's name, seed and config, and what it started from on the domain of the files.
+pub(super) struct Again {
+    pub name: String,
+    pub seed: u64,
+    pub source: ConfigSource,
+    pub start: Start,
+    /// Whether the start was made from the config, not taken from the files.
+    pub made: bool,
+}
+
+/// Makes the domain and the start from the config and holds the files' against them; nothing if there is no config.
+pub(super) fn again(files: &Files, findings: &mut Findings) -> Option<Again> {
+    findings.begin("the config makes this domain, and the map started from with its values at the boundary");
+    let report = &files.report;
+    let source = ConfigSource::of_text(Path::new(&report.config), report.config_text.clone(), &report.overrides);
+    let (source, config) = source.map_err(|error| findings.found(format!("config_text is no config: {error}"))).ok()?;
+    findings.expect(report.config_hash == source.hash(), || "config_hash is not the hash of config_text".into());
+    let as_told =
+        |source| Again { name: report.name.clone(), seed: report.seed, source, start: told(files), made: false };
+    let plan = match Plan::of_source(&source, &config) {
+        Ok(plan) => plan,
+        Err(error) => {
+            match missing(&source, &config) {
+                Some(file) => findings.trust(format!(
+                    "that the domain and the start are those of {file}, which is not here (blake3 {}), and name and seed",
+                    report.input_hash.as_deref().unwrap_or("unknown")
+                )),
+                None => findings.found(format!("config_text cannot be run: {error}")),
+            }
+            return Some(as_told(source));
+        }
+    };
+    let start = match make(&plan, files, findings) {
+        Ok(start) => start,
+        Err(error) => {
+            findings.found(format!("the config makes no start: {error}"));
+            return Some(as_told(source));
+        }
+    };
+    let [mesh, made] = [&files.domain, &start.domain].map(|domain| domain.mesh());
+    if mesh.tets() != made.tets() || mesh.points().len() != made.points().len() {
+        let (tets, of_config) = (mesh.tets().len(), made.tets().len());
+        findings.found(format!(
+            "domain.vtu is not the mesh that the config makes: it has {tets} tets, that one {of_config}, or others"
+        ));
+        return Some(as_told(source));
+    }
+    let all = |_: usize| true;
+    same(
+        "vertex",
+        "domain.vtu is not at its place in the config's domain",
+        mesh.points(),
+        made.points(),
+        all,
+        findings,
+    );
+    let on_boundary = files.domain.boundary().vertex_mask();
+    same(
+        "boundary vertex",
+        "image.vtu is not at its place in the map started from",
+        &files.image,
+        &start.image,
+        |v| on_boundary[v],
+        findings,
+    );
+    same("vertex", "the start is not at its place in the config's map", &files.start, &start.image, all, findings);
+    findings.expect(start.units == files.units, || "the meshes have not the size that the config's have".into());
+    let start = Start { domain: files.domain.clone(), units: files.units, ..start };
+    Some(Again { name: plan.name.clone(), seed: plan.seed, source, start, made: true })
+}
+
+/// The start of a plan. External meshers are not run again: the mesh that the files have is held against the solid.
+fn make(plan: &Plan, files: &Files, findings: &mut Findings) -> Result<Start, RunError> {
+    match (&plan.domain, &plan.mesh) {
+        (DomainSource::Solid(_) | DomainSource::Surface(_), MeshPlan::External(settings)) => {
+            findings.trust(format!(
+                "that {} made the tets, of which only that they fill the solid was checked, and the splits",
+                settings.mesher
+            ));
+            let start = Start::on(plan, settings, files.domain.clone(), files.units[0])?;
+            Ok(Start { splits: files.report.achieved.splits, ..start })
+        }
+        _ => Start::of(plan),
+    }
+}
+
+/// The config's file of the domain, if it is not where the config says.
+fn missing(source: &ConfigSource, config: &Config) -> Option<String> {
+    let path = source.path().parent().unwrap_or(Path::new("")).join(config.domain.file.as_ref()?);
+    (!path.is_file()).then(|| path.display().to_string())
+}
+
+/// The start as the files tell it.
+fn told(files: &Files) -> Start {
+    let (report, unit) = (&files.report, files.units[0]);
+    let centre = report.domain.centre.zip(report.domain.kernel_radius).zip(report.domain.smallest_angle);
+    Start {
+        origin: report.domain.solid.clone(),
+        input_hash: report.input_hash.clone(),
+        domain: files.domain.clone(),
+        units: files.units,
+        centre: centre.map(|((position, kernel_radius), angle)| StarCentre {
+            position: position.map(|x| unit.take(x, 1)).into(),
+            kernel_radius: unit.take(kernel_radius, 1),
+            smallest_angle: angle.to_radians(),
+        }),
+        image: files.start.clone(),
+        map: report.map.clone(),
+        splits: report.achieved.splits,
+        warnings: Vec::new(),
+    }
+}
+
+/// Expects the positions of the vertices that are `wanted` to be the same.
+fn same(
+    what: &str,
+    fault: &str,
+    there: &[Vec3],
+    made: &[Vec3],
+    wanted: impl Fn(usize) -> bool,
+    findings: &mut Findings,
+) {
+    let extent = made.iter().map(|point| point.amax()).fold(0.0, f64::max);
+    for (vertex, (there, made)) in there.iter().zip(made).enumerate().filter(|(vertex, _)| wanted(*vertex)) {
+        let away = (there - made).norm();
+        // Found as well if it is NaN.
+        findings.expect(away <= SAME * extent, || format!("{what} {vertex} of {fault}, but {away:.1e} away"));
+    }
+}

@@ -1,0 +1,90 @@
+//! What is interrupted, or runs out of its time, ends at once with what it has, whatever stage it is in.
+
+use std::time::Duration;
+
+use qcball::bound::certificate;
+use qcball::experiment::{GivenMap, optimize_map};
+use qcball::mesh::{TetMesh, Vec3, VertexId};
+use qcball::optimize::{OptimizeSettings, StopReason, untangle};
+use qcball::{Cancel, Domain, RadialCoordinates, ShellSettings, Solid, bound, caraman, shell_mesh, star_centre};
+
+/// A cube, and its radial map with the vertices inside put at the centre, so that most tets are flat.
+fn tangled() -> (Domain, Vec<Vec3>) {
+    let surface = Solid::Cube.surface().unwrap();
+    let centre = star_centre(&surface, &qcball::CentreChoice::Kernel).unwrap().position;
+    let settings = ShellSettings { subdivisions: 2, refinement: None, layers: 4, grading: 1.0 };
+    let shell = shell_mesh(&surface, centre, &settings).unwrap();
+    let mut image = caraman(&RadialCoordinates::of_shell(&shell), 1.0);
+    let domain = Domain::new(shell.mesh).unwrap();
+    let on_boundary = domain.boundary().vertex_mask();
+    image.iter_mut().zip(on_boundary).filter(|(_, on)| !**on).for_each(|(position, _)| *position = Vec3::zeros());
+    (domain, image)
+}
+
+#[test]
+fn untangling_ends_at_the_time_limit_of_the_optimization_and_when_it_is_cancelled() {
+    let (domain, start) = tangled();
+    let fixed = domain.boundary().vertex_mask().to_vec();
+    let raised = Cancel::default();
+    raised.raise();
+    let out_of_time = OptimizeSettings { time_limit: Some(Duration::ZERO), ..OptimizeSettings::default() };
+    let cancelled = OptimizeSettings { cancel: raised, ..OptimizeSettings::default() };
+    for (settings, stop) in [(out_of_time, StopReason::TimeLimit), (cancelled, StopReason::Cancelled)] {
+        let untangled = untangle(&domain, &start, &fixed, &settings, &mut |_| {}).unwrap();
+        assert!(untangled.iterations == 0 && !untangled.resisting.is_empty(), "{stop:?}");
+        let map = GivenMap { domain: domain.clone(), image: start.clone(), exchanged: 0, units: Default::default() };
+        let optimized = optimize_map(map, None, false, &settings, &mut |_| {}).unwrap();
+        assert_eq!((optimized.report.achieved.stop, optimized.report.achieved.iterations), (stop, 0));
+        assert!(optimized.report.achieved.last.flipped > 0);
+    }
+    // With time it does not resist.
+    let untangled = untangle(&domain, &start, &fixed, &OptimizeSettings::default(), &mut |_| {}).unwrap();
+    assert!(untangled.iterations > 0 && untangled.resisting.is_empty());
+}
+
+#[test]
+fn bounds_and_certificates_end_when_they_are_cancelled() {
+    let points = vec![Vec3::zeros(), Vec3::x(), Vec3::y(), Vec3::z(), Vec3::new(0.2, 0.2, 0.2)];
+    let tets = TetMesh::FACES.map(|[a, b, c]| [a as u32, b as u32, c as u32, 4].map(VertexId)).to_vec();
+    let domain = Domain::new(TetMesh::from_either_orientation(points, tets).unwrap().0).unwrap();
+    let image: Vec<Vec3> = domain.mesh().points().iter().map(|p| Vec3::new(p.x, 2.0 * p.y, p.z)).collect();
+    let cancel = Cancel::default();
+    assert!(!bound::all_until(&domain, &image, None, false, &cancel).is_empty());
+    assert!(certificate::search(&domain, &image, &cancel.within(Duration::from_secs(60))).is_some());
+    cancel.raise();
+    assert!(bound::all_until(&domain, &image, None, false, &cancel).is_empty());
+    assert!(certificate::search(&domain, &image, &cancel).is_none());
+}
+
+/// A mesher that would take an hour is ended with the program, which has written nothing then.
+#[test]
+#[cfg(unix)]
+fn a_signal_ends_a_run_while_it_is_meshing() {
+    use std::os::unix::fs::PermissionsExt;
+    use std::process::{Command, Stdio};
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    std::fs::write(at("mesher"), "#!/bin/sh\ntouch \"$0.started\"\nsleep 3600\n").unwrap();
+    std::fs::set_permissions(at("mesher"), std::fs::Permissions::from_mode(0o755)).unwrap();
+    std::fs::write(
+        at("a.toml"),
+        "[domain]\nsolid = \"cube\"\n[mesh]\nkind = \"tetgen\"\nprogram = \"./mesher\"\nprogram_time_limit = 3600\n",
+    )
+    .unwrap();
+    let mut run = Command::new(assert_cmd::cargo::cargo_bin!("qcball"))
+        .current_dir(folder.path())
+        .args(["run", "a.toml"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    while !at("mesher.started").exists() {
+        assert!(run.try_wait().unwrap().is_none(), "the run ended before its mesher began");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    assert!(Command::new("kill").args(["-TERM", &run.id().to_string()]).status().unwrap().success());
+    let output = run.wait_with_output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.code() == Some(130) && said.contains("interrupted before there was a map"), "{said}");
+    assert!(!at("results/a/report.json").exists());
+}
