@@ -71,6 +71,22 @@ impl Domain {
         (domain, owners)
     }
 
+    /// Some tets as a domain of their own, with their reference matrices. Its vertices are `vertices`, ascending, in which all of
+    /// the tets' are; it has no boundary.
+    pub(crate) fn part(&self, vertices: &[u32], tets: &[TetId]) -> Self {
+        let local = |v: VertexId| VertexId(vertices.binary_search(&v.0).expect("every corner is listed") as u32);
+        let mesh = TetMesh::new(
+            vertices.iter().map(|&v| self.mesh.points()[v as usize]).collect(),
+            tets.iter().map(|tet| self.mesh.tets()[tet.index()].map(local)).collect(),
+        );
+        Self {
+            mesh: mesh.expect("tets of a valid mesh"),
+            boundary: Boundary::none(vertices.len()),
+            inverse_edges: tets.iter().map(|tet| self.inverse_edges[tet.index()]).collect(),
+            volumes: tets.iter().map(|tet| self.volumes[tet.index()]).collect(),
+        }
+    }
+
     /// The same domain with lengths counted in another unit.
     pub fn in_unit(&self, unit: Unit) -> Self {
         Self::with_boundary(self.mesh.in_unit(unit), self.boundary.clone())

@@ -70,6 +70,11 @@ pub struct Boundary {
 }
 
 impl Boundary {
+    /// No boundary, for parts of a mesh, whose boundary nobody asks for.
+    pub(crate) fn none(vertices: usize) -> Self {
+        Self { triangles: Vec::new(), owners: Vec::new(), contains: vec![false; vertices] }
+    }
+
     /// Collects the triangles that belong to one tet only, in the order of the tets.
     ///
     /// The two tets of any other triangle must see it from opposite sides: since the volumes of both are positive by exact

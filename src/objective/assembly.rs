@@ -3,7 +3,8 @@
 use rayon::prelude::*;
 
 use super::element::{ElementDerivatives, centred_logs, gradient_from};
-use super::{Barrier, Iterate, TetEnergy};
+use super::unknowns::projection;
+use super::{Barrier, Iterate, TetEnergy, Unknowns};
 use crate::domain::Domain;
 use crate::linalg::{Method, NewtonSystem, SparseError, Svd, reverse_cuthill_mckee, svd};
 use crate::mesh::{TetId, Vec3, VertexId};
@@ -17,6 +18,7 @@ pub(super) const CHUNK: usize = 1024;
 /// threads, without locks.
 pub struct Assembly<'d> {
     domain: &'d Domain,
+    unknowns: Unknowns,
     free: Vec<u32>,
     /// For each free vertex, its corners `4 * tet + local vertex`, tets ascending.
     corners: Gather,
@@ -59,23 +61,22 @@ impl Gather {
 }
 
 impl<'d> Assembly<'d> {
-    /// Prepares the sums over a domain whose vertices with `fixed[vertex] == false` are free, their Newton systems solved by
-    /// `method`.
+    /// Prepares the sums over a domain some of whose vertices may move, their Newton systems solved by `method`.
     ///
     /// # Errors
     /// [`SparseError::TooLarge`] if the factor of the Newton system cannot be held.
-    pub fn new(domain: &'d Domain, fixed: &[bool], method: Method) -> Result<Self, SparseError> {
+    pub fn new(domain: &'d Domain, unknowns: &Unknowns, method: Method) -> Result<Self, SparseError> {
         let tets = domain.mesh().tets();
         // Contributions are packed into 32 bits.
         if tets.len() >= u32::MAX as usize / 20 {
             return Err(SparseError::TooLarge);
         }
-        let mut free: Vec<u32> = (0..fixed.len() as u32).filter(|&v| !fixed[v as usize]).collect();
-        let mut unknown_of = positions_in(&free, fixed.len());
+        let mut free: Vec<u32> = unknowns.varying().collect();
+        let mut unknown_of = positions_in(&free, unknowns.vertices());
         if method == Method::Iterative {
             let order = reverse_cuthill_mckee(free.len(), &edges(tets, &unknown_of));
             free = order.into_iter().map(|i| free[i as usize]).collect();
-            unknown_of = positions_in(&free, fixed.len());
+            unknown_of = positions_in(&free, unknowns.vertices());
         }
         let local = |tet: usize, v: usize| unknown_of[tets[tet][v].index()];
         let corners = Gather::new(
@@ -97,10 +98,24 @@ impl<'d> Assembly<'d> {
                 })
             }),
         );
-        Ok(Self { domain, free, corners, blocks, system, elements: Vec::new(), gradient_scale: 0.0 })
+        Ok(Self {
+            domain,
+            unknowns: unknowns.clone(),
+            free,
+            corners,
+            blocks,
+            system,
+            elements: Vec::new(),
+            gradient_scale: 0.0,
+        })
     }
 
-    /// The free vertices; unknown `i` is the position of `free()[i]`.
+    /// How the vertices may move.
+    pub fn unknowns(&self) -> &Unknowns {
+        &self.unknowns
+    }
+
+    /// The vertices that may move; unknown `i` is the position of `free()[i]`.
     pub fn free(&self) -> &[u32] {
         &self.free
     }
@@ -113,6 +128,28 @@ impl<'d> Assembly<'d> {
     /// The map with these positions, decomposed.
     pub fn at(&self, image: Vec<Vec3>) -> Iterate {
         Iterate::new(self.domain, image)
+    }
+
+    /// The positions after a step along a direction, three entries an unknown.
+    pub fn moved(&self, image: &[Vec3], direction: &[f64], step: f64) -> Vec<Vec3> {
+        let mut moved = image.to_vec();
+        for (d, &vertex) in direction.chunks_exact(3).zip(&self.free) {
+            let position = &mut moved[vertex as usize];
+            let to = *position + Vec3::new(d[0], d[1], d[2]) * step;
+            *position = self.unknowns.retract(vertex as usize, position, to);
+        }
+        moved
+    }
+
+    /// Whether no triangle of the boundary with a vertex that slides has turned its other side to the origin.
+    pub fn keeps_sides(&self, image: &[Vec3]) -> bool {
+        let slides = self.unknowns.slides();
+        let mut triangles = self.domain.boundary().triangles().iter();
+        !slides
+            || triangles.all(|t| {
+                let [a, b, c] = t.map(|v| image[v.index()]);
+                a.dot(&b.cross(&c)) > 0.0
+            })
     }
 
     /// The energy; `None` if a tet is flipped or the energy infinite.
@@ -158,9 +195,14 @@ impl<'d> Assembly<'d> {
             return None;
         }
         let elements = &self.elements;
-        let gradient = self.gather(|corner| elements[corner / 4].gradient[corner % 4]);
+        let whole = self.gather(|corner| elements[corner / 4].gradient[corner % 4]);
+        let image = iterate.image();
+        let normals: Vec<Option<Vec3>> =
+            self.free.iter().map(|&v| self.unknowns.normal(v as usize, &image[v as usize])).collect();
         self.gradient_scale = self.sum_over_corners(|corner| elements[corner / 4].gradient[corner % 4].norm());
         let starts = self.system.column_starts().to_vec();
+        let rows = self.system.rows().to_vec();
+        let free = &self.free;
         let mut columns = split_columns(self.system.values_mut(), &starts);
         let (blocks, elements) = (&self.blocks, &self.elements);
         columns.par_iter_mut().enumerate().with_min_len(64).for_each(|(column, values)| {
@@ -172,6 +214,21 @@ impl<'d> Assembly<'d> {
                     let block = &elements[tet].hessian[pair];
                     sum += if transposed { block.transpose() } else { *block };
                 }
+                let row = rows[starts[column] + k] as usize;
+                for normal in [&normals[row]].into_iter().flatten() {
+                    sum = projection(normal) * sum;
+                }
+                if let Some(normal) = &normals[column] {
+                    sum *= projection(normal);
+                    if row == column {
+                        // The sphere's curvature (Absil, Mahony and Sepulchre 2008, section 5.5), and a stiffness that keeps
+                        // the normal's own coordinate at 0.
+                        let along = Vec3::from_column_slice(&whole[3 * row..3 * row + 3]).dot(normal);
+                        let radius = image[free[row] as usize].norm();
+                        let stiffness = sum.norm().max(f64::MIN_POSITIVE);
+                        sum += projection(normal) * (-along / radius) + normal * normal.transpose() * stiffness;
+                    }
+                }
                 for c in 0..3 {
                     for r in 0..3 {
                         values[c * 3 * height + 3 * k + r] = sum[(r, c)];
@@ -179,7 +236,19 @@ impl<'d> Assembly<'d> {
                 }
             }
         });
-        Some(gradient)
+        Some(self.tangent(image, whole))
+    }
+
+    /// What of a vector of unknowns may vary at some positions.
+    pub fn tangent(&self, image: &[Vec3], mut vector: Vec<f64>) -> Vec<f64> {
+        if self.unknowns.slides() {
+            for (entries, &v) in vector.chunks_exact_mut(3).zip(&self.free) {
+                let whole = Vec3::from_column_slice(entries);
+                let tangent = self.unknowns.tangent(v as usize, &image[v as usize], whole);
+                entries.copy_from_slice(tangent.as_slice());
+            }
+        }
+        vector
     }
 
     /// The gradient of an energy; `None` if it is infinite.
@@ -252,7 +321,7 @@ impl<'d> Assembly<'d> {
             })
             .collect();
         let elements: Vec<[Vec3; 4]> = elements.into_iter().collect::<Option<_>>()?;
-        Some(self.gather(|corner| elements[corner / 4][corner % 4]))
+        Some(self.tangent(iterate.image(), self.gather(|corner| elements[corner / 4][corner % 4])))
     }
 
     fn gather(&self, contribution: impl Fn(usize) -> Vec3 + Sync) -> Vec<f64> {

@@ -12,6 +12,9 @@ mod extremes;
 mod iterate;
 mod primal_dual;
 mod soft_max;
+#[cfg(test)]
+mod tests;
+mod unknowns;
 mod untangling;
 
 pub use assembly::Assembly;
@@ -20,8 +23,9 @@ pub use capped_mean::CappedMean;
 pub use element::{ElementDerivatives, Spectrum, centred_logs};
 pub use extremes::{TetFunction, log_dilatations};
 pub use iterate::Iterate;
-pub use primal_dual::{Multiplier, NearActive, PrimalDual};
+pub use primal_dual::{NearActive, PrimalDual};
 pub use soft_max::SoftMax;
+pub use unknowns::{Freedom, Unknowns};
 pub use untangling::Untangling;
 
 /// An isotropic energy of each tet: a function of its signed singular values.

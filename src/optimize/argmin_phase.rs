@@ -9,7 +9,8 @@ use argmin::solver::quasinewton::LBFGS;
 use argmin::solver::trustregion::{Steihaug, TrustRegion};
 
 use super::displacement::Displacement;
-use super::newton::PhaseEnd;
+use super::line_search::ARMIJO;
+use super::recorder::PhaseEnd;
 use super::{Progress, Recorder};
 use crate::mesh::Vec3;
 use crate::objective::{Assembly, Iterate};
@@ -61,7 +62,8 @@ pub(super) fn soft_max_phase(
     recorder: &mut Recorder<'_>,
 ) -> PhaseEnd {
     let phase = Phase { assembly: &RefCell::new(assembly), exponent, tolerance, unit: half_extent(iterate.image()) };
-    let line_search = || BacktrackingLineSearch::new(ArmijoCondition::new(1e-4).expect("the constant lies in (0, 1)"));
+    let line_search =
+        || BacktrackingLineSearch::new(ArmijoCondition::new(ARMIJO).expect("the constant lies in (0, 1)"));
     match solver {
         ArgminSolver::Lbfgs => {
             let traits = Traits { name: "L-BFGS", scale: 1.0, rejections: 0 };

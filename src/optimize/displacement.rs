@@ -6,7 +6,7 @@ use std::rc::Rc;
 use argmin::core::{CostFunction, Error, Gradient, Hessian};
 use argmin_math::ArgminDot;
 
-use super::newton::{dot, moved};
+use super::line_search::dot;
 use crate::mesh::Vec3;
 use crate::objective::{Assembly, Iterate, SoftMax};
 
@@ -33,7 +33,7 @@ impl Displacement<'_, '_> {
 
     /// The image at a displacement.
     pub(super) fn moved(&self, displacement: &[f64]) -> Vec<Vec3> {
-        moved(&self.assembly.borrow(), &self.start, displacement, self.unit)
+        self.assembly.borrow().moved(&self.start, displacement, self.unit)
     }
 
     /// The energy centred at a map, and its sum there; `None` if a tet is flipped.

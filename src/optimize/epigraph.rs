@@ -5,7 +5,7 @@ use std::cell::RefCell;
 use nlopt::{Algorithm, Nlopt, SuccessState, Target};
 
 use super::argmin_phase::half_extent;
-use super::newton::{PhaseEnd, moved};
+use super::recorder::PhaseEnd;
 use super::{Engine, Progress, Recorder};
 use crate::objective::{Assembly, Iterate};
 
@@ -42,8 +42,8 @@ pub(super) fn epigraph_phase(
     recorder: &mut Recorder<'_>,
 ) -> PhaseEnd {
     let Some(largest) = start.largest_log() else { return PhaseEnd::NoProgress };
-    let evaluations_left = (recorder.max_iterations + 1).saturating_sub(recorder.rows.len());
-    let time_left = recorder.cancel.time_left();
+    let evaluations_left = recorder.iterations_left();
+    let time_left = recorder.cancel().time_left();
     let domain = assembly.domain();
     let tets = domain.mesh().tets();
     let unit = half_extent(start.image());
@@ -62,7 +62,7 @@ pub(super) fn epigraph_phase(
     let recorder = RefCell::new(recorder);
     let constraints = |result: &mut [f64], x: &[f64], gradient: Option<&mut [f64]>, _: &mut ()| {
         let (displacement, bound) = (&x[..count - 1], x[count - 1]);
-        let iterate = assembly.at(moved(assembly, start.image(), displacement, unit));
+        let iterate = assembly.at(assembly.moved(start.image(), displacement, unit));
         let functions: Vec<_> = (0..tets.len()).map(|tet| iterate.functions(domain, tet)).collect();
         for (values, functions) in result.chunks_exact_mut(2).zip(&functions) {
             for side in 0..2 {

@@ -1,8 +1,7 @@
 //! The largest dilatation settled region by region: few tets decide it, and only what they depend on is solved for.
 
-use super::newton::PhaseEnd;
-use super::primal_dual::{Settled, primal_dual_phase};
-use super::recorder::Recorder;
+use super::interior_point::{Goal, Settled, interior_point_phase};
+use super::recorder::{PhaseEnd, Recorder};
 use super::region::{Region, changeable};
 use super::{KktResidual, OPTIMAL};
 use crate::linalg::{Method, SparseError};
@@ -28,27 +27,27 @@ pub(super) enum Ending {
 /// Minimises ln max K from `image`, on growing regions, until none of the active tets reaches beyond the region.
 pub(super) fn minimax(
     whole: &Assembly<'_>,
-    fixed: &[bool],
     image: &mut [Vec3],
     tolerance: f64,
     recorder: &mut Recorder<'_>,
 ) -> Result<Ending, SparseError> {
-    let free = fixed.iter().filter(|&&fixed| !fixed).count();
+    let free = whole.free().len();
     let mut last = None;
     for (share, rings) in ROUNDS {
-        let Some(region) = Region::of_large_dilatation(whole, fixed, image, share, rings, MOST_FREE) else {
+        let Some(region) = Region::of_large_dilatation(whole, image, share, rings, MOST_FREE) else {
             break;
         };
-        let mut assembly = Assembly::new(&region.domain, &region.fixed, Method::Direct)?;
+        let mut assembly = Assembly::new(&region.domain, &region.unknowns, Method::Direct)?;
         if assembly.free().is_empty() {
             continue;
         }
         let mut part = assembly.at(region.restrict(image));
         recorder.part = Some(region.part.clone());
-        let settled = primal_dual_phase(&mut assembly, &mut part, tolerance, recorder);
+        let rim = region.rim(whole.unknowns());
+        let settled = interior_point_phase(&mut assembly, &mut part, Goal::Bound, tolerance, &rim, recorder);
         recorder.part = None;
         region.extend(part.image(), image);
-        let kkt = settled.bound.map(|bound| over_all(whole, fixed, image, bound, &settled, &region));
+        let kkt = settled.bound.map(|bound| over_all(whole, image, bound, &settled, &region));
         let optimal = kkt.flatten().is_some_and(|kkt| kkt.largest() <= OPTIMAL);
         last = Some((settled.end, kkt.flatten()));
         if settled.end == PhaseEnd::Interrupted || optimal || region.is_whole(free) {
@@ -65,24 +64,26 @@ pub(super) fn minimax(
 /// held while the largest K of the others is lowered.
 pub(super) fn next_levels(
     whole: &Assembly<'_>,
-    fixed: &[bool],
     image: &mut [Vec3],
     levels: usize,
     tolerance: f64,
     recorder: &mut Recorder<'_>,
 ) -> Result<PhaseEnd, SparseError> {
-    let mut held = fixed.to_vec();
+    let mut held = whole.unknowns().clone();
     for _ in 1..levels {
-        let Some(values) = changeable(whole, &held, image) else { break };
+        // Only what is decomposed and which vertices move is asked of it.
+        let part = Assembly::new(whole.domain(), &held, Method::Iterative)?;
+        let Some(values) = changeable(&part, image) else { break };
         let threshold = values.iter().copied().fold(0.0, f64::max) - LEVEL;
         let tets = whole.domain().mesh().tets();
         for tet in tets.iter().zip(&values).filter(|(_, value)| **value >= threshold).map(|(tet, _)| tet) {
-            tet.iter().for_each(|v| held[v.index()] = true);
+            tet.iter().for_each(|v| held.fix(v.index()));
         }
-        if held.iter().all(|&held| held) {
+        if held.count() == 0 {
             break;
         }
-        if let Ending::Settled(PhaseEnd::Interrupted, _) = minimax(whole, &held, image, tolerance, recorder)? {
+        let part = Assembly::new(whole.domain(), &held, Method::Iterative)?;
+        if let Ending::Settled(PhaseEnd::Interrupted, _) = minimax(&part, image, tolerance, recorder)? {
             return Ok(PhaseEnd::Interrupted);
         }
     }
@@ -92,7 +93,6 @@ pub(super) fn next_levels(
 /// The residual with respect to all free vertices and all tets, of the multipliers that a region was settled with.
 fn over_all(
     whole: &Assembly<'_>,
-    fixed: &[bool],
     image: &[Vec3],
     bound: f64,
     settled: &Settled,
@@ -105,7 +105,7 @@ fn over_all(
         let tet: TetId = region.part.tets[tet];
         let function = log_dilatations(domain, tet, image)?[side];
         for (g, v) in function.gradient.iter().zip(domain.mesh().tets()[tet.index()]) {
-            if !fixed[v.index()] {
+            if !whole.unknowns().is_fixed(v.index()) {
                 gradient[v.index()] += g * multiplier;
                 scale += multiplier * g.norm();
             }
@@ -113,8 +113,10 @@ fn over_all(
         sum += multiplier;
         complementarity += multiplier * (bound - function.value).abs();
     }
-    let largest = changeable(whole, fixed, image)?.into_iter().fold(0.0, f64::max);
-    let norm = gradient.iter().map(Vec3::norm_squared).sum::<f64>().sqrt();
+    let largest = changeable(whole, image)?.into_iter().fold(0.0, f64::max);
+    let unknowns = whole.unknowns();
+    let tangent = |(v, g): (usize, &Vec3)| unknowns.tangent(v, &image[v], *g).norm_squared();
+    let norm = gradient.iter().enumerate().map(tangent).sum::<f64>().sqrt();
     let dual = (norm / scale).max(f64::abs(1.0 - sum));
     Some(KktResidual { primal: (largest - bound).max(0.0), dual, complementarity })
 }

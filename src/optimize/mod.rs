@@ -4,14 +4,16 @@
 //! interior-point method. Every accepted step keeps all image determinants positive, so a bijective start stays one.
 
 mod argmin_phase;
+mod damping;
 mod displacement;
 mod engine;
 #[cfg(feature = "nlopt")]
 mod epigraph;
+mod interior_point;
+mod line_search;
 mod minimax;
 mod newton;
 mod polish;
-mod primal_dual;
 mod recorder;
 mod region;
 mod untangle;
@@ -24,11 +26,10 @@ use crate::cancel::Cancel;
 use crate::domain::Domain;
 use crate::linalg::{Method, SparseError};
 use crate::mesh::Vec3;
-use crate::objective::{Assembly, Iterate};
+use crate::objective::{Assembly, Iterate, Unknowns};
 pub use engine::{Engine, MOST_TETS_CONSERVATIVE, MOST_TETS_QUADRATIC};
 use minimax::Ending;
-use newton::PhaseEnd;
-use recorder::{Progress, Recorder};
+use recorder::{PhaseEnd, Progress, Recorder};
 pub use untangle::{Untangled, flipped_tets, untangle};
 
 /// Exponents of the continuation, each phase started from the last. Steps of about three: with larger ones the next
@@ -46,6 +47,8 @@ const SHARE_BEFORE_LAST_PHASE: f64 = 0.7;
 /// Free vertices from which the soft maxima's and the polish's systems are solved iteratively: with 1,200 that takes 0.6 to
 /// 0.9 of the time of all with a sparse factor on cube, icosa and tetra-10k, and 1.4 on bumpy-10k; with more, ever less.
 const ITERATIVE_FROM: usize = 1000;
+/// Share of the limits that is the polish's.
+const POLISH_SHARE: f64 = 0.15;
 /// Largest KKT residual that counts as optimal.
 pub(crate) const OPTIMAL: f64 = 1e-6;
 /// Fall in ln K of a step which ends all but the last phase: 2e-4 was found enough, ending earlier costs more than it
@@ -258,7 +261,8 @@ pub fn optimize(
 ) -> Result<Outcome, OptimizeError> {
     settings.engine.check(settings.objective)?;
     settings.engine.check_size(domain.mesh().tets().len())?;
-    let mut assembly = Assembly::new(domain, fixed, method(fixed))?;
+    let unknowns = Unknowns::of_mask(fixed);
+    let mut assembly = Assembly::new(domain, &unknowns, method(&unknowns))?;
     let mut iterate = assembly.at(start.to_vec());
     let flipped = iterate.decompositions().iter().filter(|tet| tet.values[2] <= 0.0).count();
     if flipped > 0 {
@@ -273,11 +277,13 @@ pub fn optimize(
             trace: recorder.rows,
         });
     }
+    let polished = settings.objective == Objective::Max && settings.polish == Polish::Mean;
+    recorder.reserve(if polished { POLISH_SHARE } else { 0.0 });
     // Phases look at the limit after their first step.
     let (end, kkt) = if settings.max_iterations == 0 {
         (PhaseEnd::Interrupted, None)
     } else {
-        continuation(&mut assembly, fixed, &mut iterate, settings, &mut recorder)?
+        continuation(&mut assembly, &mut iterate, settings, &mut recorder)?
     };
     let mut stop = match end {
         PhaseEnd::Converged if kkt.is_some_and(|kkt| kkt.largest() <= OPTIMAL) => StopReason::Optimal,
@@ -288,23 +294,19 @@ pub fn optimize(
     let mut image = iterate.into_image();
     if settings.objective == Objective::Max {
         image.clone_from(&recorder.best);
-        if settings.polish == Polish::Mean && end != PhaseEnd::Interrupted {
-            let cap = recorder.best_k * (1.0 + polish::CAP);
-            let before = recorder.mean_of_best;
-            let mut polished = assembly.at(recorder.best.clone());
-            let end = polish::lower_mean(&mut assembly, &mut polished, cap.ln(), &mut recorder);
+        recorder.reserve(0.0);
+        // Below K = 1 there is nothing to gain; after a limit the map may still have a better mean, but not after a cancel.
+        let gains = recorder.best_k.ln() > settings.tolerance && recorder.iterations_left() > 0;
+        if polished && gains && stop != StopReason::Cancelled {
+            let (end, lowered) = polish::lower_mean(&mut assembly, &mut recorder)?;
             if end == PhaseEnd::Interrupted {
                 stop = recorder.interruption();
             }
-            // The energy is not quite the mean: what does not lower it is not kept.
-            let last = recorder.rows.last().expect("row 0 is always there");
-            if last.mean_k <= before && last.max_k <= cap {
-                image = polished.into_image();
-            }
+            image = lowered.unwrap_or(image);
         }
         if let Polish::Lexicographic { levels } = settings.polish
             && end == PhaseEnd::Converged
-            && minimax::next_levels(&assembly, fixed, &mut image, levels, settings.tolerance, &mut recorder)?
+            && minimax::next_levels(&assembly, &mut image, levels, settings.tolerance, &mut recorder)?
                 == PhaseEnd::Interrupted
         {
             stop = recorder.interruption();
@@ -336,14 +338,12 @@ pub fn untangle_and_optimize(
 }
 
 /// How the soft maxima's Newton systems are solved.
-fn method(fixed: &[bool]) -> Method {
-    let free = fixed.iter().filter(|&&fixed| !fixed).count();
-    if free < ITERATIVE_FROM { Method::Direct } else { Method::Iterative }
+fn method(unknowns: &Unknowns) -> Method {
+    if unknowns.count() < ITERATIVE_FROM { Method::Direct } else { Method::Iterative }
 }
 
 fn continuation(
     assembly: &mut Assembly<'_>,
-    fixed: &[bool],
     iterate: &mut Iterate,
     settings: &OptimizeSettings,
     recorder: &mut Recorder<'_>,
@@ -364,8 +364,18 @@ fn continuation(
         Objective::Max => SHARE_BEFORE_MINIMAX,
         Objective::SoftMax(_) => SHARE_BEFORE_LAST_PHASE,
     };
+    // No K lies below 1.
+    let perfect = |recorder: &Recorder<'_>| {
+        let above = recorder.best_k.ln();
+        let kkt = KktResidual { primal: 0.0, dual: 0.0, complementarity: above };
+        (settings.objective == Objective::Max && above <= settings.tolerance)
+            .then_some((PhaseEnd::Converged, Some(kkt)))
+    };
     let before = EXPONENTS.into_iter().filter(|&p| p < last || settings.objective == Objective::Max && p == last);
     for (index, exponent) in before.clone().enumerate() {
+        if let Some(end) = perfect(recorder) {
+            return Ok(end);
+        }
         recorder.progress = share * index as f64 / before.clone().count() as f64;
         // A phase that makes no progress is no reason to end: the next one has another objective.
         if phase(assembly, iterate, exponent, PHASE_TOLERANCE, recorder) == PhaseEnd::Interrupted {
@@ -382,7 +392,7 @@ fn continuation(
         return Ok((phase(assembly, iterate, exponent, settings.tolerance, recorder), None));
     }
     let mut image = iterate.image().to_vec();
-    let ending = minimax::minimax(assembly, fixed, &mut image, settings.tolerance, recorder)?;
+    let ending = minimax::minimax(assembly, &mut image, settings.tolerance, recorder)?;
     *iterate = assembly.at(image);
     if let Ending::Settled(end, kkt) = ending {
         return Ok((end, kkt));

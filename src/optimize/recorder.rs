@@ -15,6 +15,14 @@ pub(super) enum Progress {
     Stop,
 }
 
+/// How one phase ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum PhaseEnd {
+    Converged,
+    NoProgress,
+    Interrupted,
+}
+
 /// The vertices and tets of a part of the mesh.
 #[derive(Clone, Debug)]
 pub(super) struct Part {
@@ -30,8 +38,12 @@ pub(super) struct Recorder<'a> {
     /// What the positions passed to [`Recorder::record`] are; `None` for all vertices.
     pub(super) part: Option<Part>,
     start: Instant,
-    pub(super) max_iterations: usize,
-    pub(super) cancel: Cancel,
+    max_iterations: usize,
+    /// Share of the limits kept for the polish.
+    reserved: f64,
+    /// With the whole time limit as its deadline, and with what is not reserved of it.
+    whole: Cancel,
+    cancel: Cancel,
     observe: &'a mut dyn FnMut(&TraceRow),
     pub(super) rows: Vec<TraceRow>,
     pub(super) best: Vec<Vec3>,
@@ -43,13 +55,16 @@ pub(super) struct Recorder<'a> {
 
 impl<'a> Recorder<'a> {
     pub(super) fn new(start: &Iterate, settings: &OptimizeSettings, observe: &'a mut dyn FnMut(&TraceRow)) -> Self {
+        let cancel = settings.starting_now().cancel;
         let mut recorder = Self {
             image: start.image().to_vec(),
             dilatations: Vec::new(),
             part: None,
             start: Instant::now(),
             max_iterations: settings.max_iterations,
-            cancel: settings.starting_now().cancel,
+            reserved: 0.0,
+            whole: cancel.clone(),
+            cancel,
             observe,
             rows: Vec::new(),
             best: start.image().to_vec(),
@@ -81,10 +96,28 @@ impl<'a> Recorder<'a> {
         }
     }
 
+    /// Keeps a share of the limits for later; 0 gives it free again.
+    pub(super) fn reserve(&mut self, share: f64) {
+        self.reserved = share;
+        let left = self.whole.time_left();
+        self.cancel = left.map_or_else(|| self.whole.clone(), |left| self.whole.within(left.mul_f64(1.0 - share)));
+    }
+
     /// Which limit stopped it.
     pub(super) fn interruption(&self) -> StopReason {
         // NLopt counts evaluations, of which there may be more than rows: the time tells.
         StopReason::of(&self.cancel).unwrap_or(StopReason::IterationLimit)
+    }
+
+    /// What ends the present phase.
+    pub(super) fn cancel(&self) -> &Cancel {
+        &self.cancel
+    }
+
+    pub(super) fn iterations_left(&self) -> usize {
+        // Row 0 is the start.
+        let limit = (self.max_iterations as f64 * (1.0 - self.reserved)).ceil() as usize;
+        (limit + 1).saturating_sub(self.rows.len())
     }
 
     pub(super) fn record(&mut self, phase: &str, objective: f64, step: f64, iterate: &Iterate) -> Progress {
@@ -109,8 +142,7 @@ impl<'a> Recorder<'a> {
         };
         (self.observe)(&row);
         self.rows.push(row);
-        // Row 0 is the start.
-        let stop = self.cancel.is_due() || self.rows.len() > self.max_iterations;
+        let stop = self.cancel.is_due() || self.iterations_left() == 0;
         if stop { Progress::Stop } else { Progress::Continue }
     }
 }

@@ -2,8 +2,8 @@
 
 use super::recorder::Part;
 use crate::domain::Domain;
-use crate::mesh::{TetId, TetMesh, Vec3, VertexId};
-use crate::objective::Assembly;
+use crate::mesh::{TetId, Vec3, VertexId};
+use crate::objective::{Assembly, Freedom, Unknowns};
 
 /// Free vertices about the tets of large K, with all tets that they touch.
 pub(super) struct Region {
@@ -11,8 +11,8 @@ pub(super) struct Region {
     pub part: Part,
     /// The region's tets as a mesh.
     pub domain: Domain,
-    /// For each vertex of the region, whether it stays where it is: at the region's rim, or because it is fixed.
-    pub fixed: Vec<bool>,
+    /// How the region's vertices may move: not at its rim.
+    pub unknowns: Unknowns,
 }
 
 impl Region {
@@ -20,28 +20,27 @@ impl Region {
     /// these are more than half. `None` if they are more than `most`, or a tet is flipped.
     pub(super) fn of_large_dilatation(
         assembly: &Assembly<'_>,
-        fixed: &[bool],
         image: &[Vec3],
         share: f64,
         rings: usize,
         most: usize,
     ) -> Option<Self> {
-        let values = changeable(assembly, fixed, image)?;
+        let values = changeable(assembly, image)?;
         let threshold = share * values.iter().copied().fold(0.0, f64::max);
-        Self::around(assembly.domain(), fixed, &|t| values[t] >= threshold, rings, most)
+        Self::around(assembly.domain(), assembly.unknowns(), &|t| values[t] >= threshold, rings, most)
     }
 
     /// The free vertices of the tets `chosen`, and those up to `rings` tets away; all where these are more than half. `None`
     /// if there are none, or more than `most`.
     pub(super) fn around(
         domain: &Domain,
-        fixed: &[bool],
+        unknowns: &Unknowns,
         chosen: &dyn Fn(usize) -> bool,
         rings: usize,
         most: usize,
     ) -> Option<Self> {
         let tets = domain.mesh().tets();
-        let mut inside = vec![false; fixed.len()];
+        let mut inside = vec![false; unknowns.vertices()];
         let touch = |inside: &mut Vec<bool>, chosen: &dyn Fn(usize) -> bool| {
             let vertices: Vec<VertexId> = (0..tets.len()).filter(|&t| chosen(t)).flat_map(|t| tets[t]).collect();
             vertices.into_iter().for_each(|v| inside[v.index()] = true);
@@ -51,31 +50,27 @@ impl Region {
             let before = inside.clone();
             touch(&mut inside, &|t| tets[t].iter().any(|v| before[v.index()]));
         }
-        let all = fixed.iter().filter(|&&fixed| !fixed).count();
-        let count = fixed.iter().zip(&inside).filter(|&(&fixed, &inside)| inside && !fixed).count();
+        let all = unknowns.count();
+        let count = unknowns.varying().filter(|&v| inside[v as usize]).count();
         if 2 * count > all && all <= most {
             inside.fill(true);
         } else if count > most {
             return None;
         }
-        let free = |v: VertexId| inside[v.index()] && !fixed[v.index()];
-        let chosen: Vec<u32> = (0..tets.len() as u32).filter(|&t| tets[t as usize].iter().any(|&v| free(v))).collect();
+        let free = |v: VertexId| inside[v.index()] && !unknowns.is_fixed(v.index());
+        let touched = |t: &TetId| tets[t.index()].iter().any(|&v| free(v));
+        let chosen: Vec<TetId> = (0..tets.len() as u32).map(TetId).filter(touched).collect();
         if chosen.is_empty() {
             return None;
         }
-        let mut vertices: Vec<u32> = chosen.iter().flat_map(|&t| tets[t as usize].map(|v| v.0)).collect();
+        let mut vertices: Vec<u32> = chosen.iter().flat_map(|t| tets[t.index()].map(|v| v.0)).collect();
         vertices.sort_unstable();
         vertices.dedup();
-        let local = |v: VertexId| VertexId(vertices.binary_search(&v.0).expect("every corner is listed") as u32);
-        let mesh = TetMesh::new(
-            vertices.iter().map(|&v| domain.mesh().points()[v as usize]).collect(),
-            chosen.iter().map(|&t| tets[t as usize].map(local)).collect(),
-        )
-        .expect("tets of a valid mesh");
+        let freedom = |v: u32| if free(VertexId(v)) { unknowns.of(v as usize) } else { Freedom::Fixed };
         Some(Self {
-            domain: Domain::any_topology(mesh).expect("triangles of a valid mesh"),
-            fixed: vertices.iter().map(|&v| !free(VertexId(v))).collect(),
-            part: Part { vertices, tets: chosen.into_iter().map(TetId).collect() },
+            domain: domain.part(&vertices, &chosen),
+            unknowns: Unknowns::new(vertices.iter().map(|&v| freedom(v)).collect()),
+            part: Part { vertices, tets: chosen },
         })
     }
 
@@ -91,18 +86,25 @@ impl Region {
         }
     }
 
+    /// For each of the region's tets, whether it has a vertex that is held for the region only.
+    pub(super) fn rim(&self, whole: &Unknowns) -> Vec<bool> {
+        let of_whole = self.part.vertices.iter().map(|&v| whole.is_fixed(v as usize));
+        let held: Vec<bool> = of_whole.enumerate().map(|(v, fixed)| self.unknowns.is_fixed(v) && !fixed).collect();
+        self.domain.mesh().tets().iter().map(|tet| tet.iter().any(|v| held[v.index()])).collect()
+    }
+
     /// Whether all free vertices of the whole mesh, of which there are `free`, are free in the region.
     pub(super) fn is_whole(&self, free: usize) -> bool {
-        self.fixed.iter().filter(|&&fixed| !fixed).count() == free
+        self.unknowns.count() == free
     }
 }
 
 /// ln K of every tet with a free vertex, 0 for the others, which nothing can change; `None` if a tet is flipped.
-pub(super) fn changeable(assembly: &Assembly<'_>, fixed: &[bool], image: &[Vec3]) -> Option<Vec<f64>> {
+pub(super) fn changeable(assembly: &Assembly<'_>, image: &[Vec3]) -> Option<Vec<f64>> {
     let tets = assembly.domain().mesh().tets();
     let mut values = assembly.at(image.to_vec()).log_dilatations()?;
     for (value, tet) in values.iter_mut().zip(tets) {
-        if tet.iter().all(|v| fixed[v.index()]) {
+        if tet.iter().all(|v| assembly.unknowns().is_fixed(v.index())) {
             *value = 0.0;
         }
     }

@@ -3,15 +3,14 @@
 use std::collections::HashSet;
 use std::time::Instant;
 
-use super::newton::{Shift, dot, line_search};
+use super::damping::Shift;
+use super::line_search::{ARMIJO, dot, line_search};
 use super::region::Region;
 use super::{OptimizeError, OptimizeSettings, TraceRow};
 use crate::domain::Domain;
 use crate::mesh::{Orientation, TetId, Vec3, orientation};
-use crate::objective::{Assembly, Iterate, Untangling};
+use crate::objective::{Assembly, Iterate, Unknowns, Untangling};
 
-/// Sufficient decrease of the Armijo rule.
-const ARMIJO: f64 = 1e-4;
 /// Newton steps at one epsilon; more of them per epsilon do not pay, since the next epsilon changes the problem.
 const STEPS: usize = 3;
 /// Relative fall of the energy in one step below which the next epsilon is due.
@@ -76,16 +75,17 @@ pub fn untangle(
     }
     let settings = &settings.starting_now();
     let flipped: HashSet<usize> = best.resisting.iter().map(|tet| tet.index()).collect();
-    let near = Region::around(domain, fixed, &|t| flipped.contains(&t), RINGS, usize::MAX);
-    if let Some(near) = near.filter(|near| !near.is_whole(fixed.iter().filter(|&&fixed| !fixed).count())) {
-        let part = attempt(&near.domain, &near.restrict(start), &near.fixed, settings, observe)?;
+    let unknowns = Unknowns::of_mask(fixed);
+    let near = Region::around(domain, &unknowns, &|t| flipped.contains(&t), RINGS, usize::MAX);
+    if let Some(near) = near.filter(|near| !near.is_whole(unknowns.count())) {
+        let part = attempt(&near.domain, &near.restrict(start), &near.unknowns, settings, observe)?;
         near.extend(&part.positions, &mut best.positions);
         best.resisting = part.resisting.iter().map(|tet| near.part.tets[tet.index()]).collect();
         (best.iterations, best.seconds) = (part.iterations, part.seconds);
     }
     if !best.resisting.is_empty() && !settings.cancel.is_due() {
         let before = (best.iterations, best.seconds);
-        best = attempt(domain, &best.positions, fixed, settings, observe)?;
+        best = attempt(domain, &best.positions, &unknowns, settings, observe)?;
         best.iterations += before.0;
         best.seconds += before.1;
     }
@@ -96,13 +96,13 @@ pub fn untangle(
 fn attempt(
     domain: &Domain,
     start: &[Vec3],
-    fixed: &[bool],
+    unknowns: &Unknowns,
     settings: &OptimizeSettings,
     observe: &mut dyn FnMut(&TraceRow),
 ) -> Result<Untangled, OptimizeError> {
     let mut best = Untangled::of_start(domain, start);
     let clock = Instant::now();
-    let mut assembly = Assembly::new(domain, fixed, super::method(fixed))?;
+    let mut assembly = Assembly::new(domain, unknowns, super::method(unknowns))?;
     let mut iterate = assembly.at(start.to_vec());
     let mut shift = Shift::new();
     let mut epsilon = first_epsilon(&iterate);

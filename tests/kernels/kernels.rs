@@ -6,7 +6,7 @@ use divan::Bencher;
 use divan::counter::{BytesCount, ItemsCount};
 use qcball::linalg::Method;
 use qcball::map::{RadialCoordinates, caraman};
-use qcball::objective::{Assembly, Iterate, SoftMax};
+use qcball::objective::{Assembly, Iterate, SoftMax, Unknowns};
 use qcball::solid::{ShellSettings, Solid, shell_mesh};
 use qcball::{Domain, Vec3};
 
@@ -29,7 +29,8 @@ fn radial(layers: u32) -> (Domain, Vec<Vec3>) {
 fn on_radial(bencher: Bencher<'_, '_>, layers: u32, mut kernel: impl FnMut(&mut Assembly<'_>, &SoftMax, &Iterate)) {
     let (domain, image) = radial(layers);
     let fixed = domain.boundary().vertex_mask();
-    let mut assembly = Assembly::new(&domain, fixed, Method::Iterative).expect("iterative systems fit");
+    let mut assembly =
+        Assembly::new(&domain, &Unknowns::of_mask(fixed), Method::Iterative).expect("iterative systems fit");
     let iterate = assembly.at(image);
     let energy = SoftMax::new(16.0, iterate.largest_log().expect("no flips"));
     let tets = domain.mesh().tets().len();

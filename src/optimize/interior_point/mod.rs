@@ -1,0 +1,337 @@
+//! The end of the minimax continuation: a primal-dual interior-point method for min t subject to g <= t, g = ln K_O and
+//! g = ln K_I of every tet; or the least mean dilatation for a given t.
+//!
+//! Constraints near the bound have a slack s > 0 and a multiplier each; all others have a logarithmic barrier. Each
+//! factorisation serves a predictor, a corrector (Mehrotra 1992, doi 10.1137/0802028) and a few corrections of single
+//! products s * multiplier (Gondzio 1996, doi 10.1007/BF00249643). Slacks need not be t - g until the end, so that iterates
+//! may violate constraints. There is no merit function: with one, a thousand active tets on a curved surface cut most steps
+//! to a tenth.
+
+mod system;
+
+use super::damping::{NegativeShare, rounding};
+use super::line_search::{HALVINGS, Trials, dot};
+use super::recorder::PhaseEnd;
+use super::{KktResidual, Progress, Recorder};
+use crate::mesh::Vec3;
+use crate::objective::{Assembly, Barrier, Iterate, NearActive, PrimalDual};
+use system::{Row, Step, System, Target};
+
+/// Distance of the first bound above the present ln max K: in ln K, and as a share of it where that is less.
+const FIRST_SLACK: (f64, f64) = (0.0005, 0.1);
+/// The first weight as a share of that for which the first bound is stationary: with all of it the first centres lie so far
+/// above the maximum that few constraints are near them.
+const FIRST_WEIGHT: f64 = 0.1;
+/// How much the mean may be expected to fall, relative: it sets the first weight where the bound is given.
+const FIRST_GAIN: f64 = 0.1;
+/// A constraint gets a multiplier where its slack is below the first share of the bound, and loses it above the second. At
+/// larger shares its singular value could still become a double one, see [`PrimalDual`].
+const NEAR: (f64, f64) = (0.2, 0.3);
+/// Least share of the products s * multiplier that a step aims at.
+const LEAST_CENTRING: f64 = 0.1;
+/// Share of the tolerance that the products and the barrier on the rest may take up together.
+const LAST_SHARE: f64 = 0.3;
+/// Most corrections of single products a factorisation, how much longer a step each aims at, and the share of that which
+/// it must gain to be kept.
+const CORRECTIONS: (usize, f64, f64) = (3, 0.3, 0.1);
+/// A product is left as it is between these multiples of the target.
+const CENTRED: (f64, f64) = (0.1, 10.0);
+/// Largest multiple by which a product may differ from the target after a step.
+const PRODUCTS: f64 = 1e4;
+/// Share of the tolerance that is as good as reached: what is reported is measured anew, with other rounding.
+const REACHED: f64 = 0.7;
+/// Largest violation of a given bound, in ln K.
+pub(super) const VIOLATION: f64 = 1e-5;
+/// Most Newton steps; 8 to 23 are usual, 41 the most seen.
+const MOST_STEPS: usize = 100;
+/// Steps in a row below the second entry that end it.
+const SHORT: (usize, f64) = (6, 1e-3);
+/// Steps in a row that leave the weight as it is, after which it is lowered to this share in any case: few constraints may be
+/// near a centre far above the maximum, and steps then go to and fro about it.
+const IDLE: (usize, f64) = (5, 0.3);
+/// Complementarity from which it is clear whether the multipliers stay away from the rim, and the share of them from where
+/// a larger region is needed.
+const RIM: (f64, f64) = (1e-3, 1e-2);
+/// What the progress shows when all but the polish is done.
+const BEFORE_POLISH: f64 = 0.9;
+/// Shift of the diagonal, relative to the squared scale of the constraints' gradients: it holds in place what only the weak
+/// barrier moves, which else drifts and shortens every step.
+const SHIFT: f64 = 1e-9;
+
+/// What is minimised.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Goal {
+    /// The bound on ln K.
+    Bound,
+    /// The sum of K_I + K_O and four smaller terms of each tet, relative to its first value, with this bound.
+    Mean(f64),
+}
+
+/// How a phase ended.
+pub(super) struct Settled {
+    pub end: PhaseEnd,
+    /// The bound on ln K; `None` if nothing was solved.
+    pub bound: Option<f64>,
+    /// Multipliers of near-active constraints: the tet, its side (0 for K_O, 1 for K_I), the multiplier.
+    pub multipliers: Vec<(usize, usize, f64)>,
+}
+
+/// Minimises ln max K, or the mean, from `iterate` until the Karush-Kuhn-Tucker conditions hold to within `tolerance`, or until it is clear
+/// that they cannot hold beyond the tets marked in `rim`.
+pub(super) fn interior_point_phase(
+    assembly: &mut Assembly<'_>,
+    iterate: &mut Iterate,
+    goal: Goal,
+    tolerance: f64,
+    rim: &[bool],
+    recorder: &mut Recorder<'_>,
+) -> Settled {
+    let Some(mut path) = Path::first(assembly, iterate, goal, tolerance) else {
+        return Settled { end: PhaseEnd::NoProgress, bound: None, multipliers: Vec::new() };
+    };
+    let end = path.follow(assembly, iterate, rim, recorder);
+    let sides = |(tet, pair): (usize, &[Option<NearActive>; 2])| {
+        [0, 1].map(|side| pair[side].map(|constraint| (tet, side, constraint.multiplier)))
+    };
+    let multipliers = path.problem.near_active.iter().enumerate().flat_map(sides).flatten().collect();
+    Settled { end, bound: Some(path.problem.bound), multipliers }
+}
+
+/// The present multipliers and slacks, and where they are to go.
+struct Path {
+    goal: Goal,
+    problem: PrimalDual,
+    tolerance: f64,
+}
+
+impl Path {
+    fn first(assembly: &Assembly<'_>, iterate: &Iterate, goal: Goal, tolerance: f64) -> Option<Self> {
+        let tets = assembly.domain().mesh().tets().len();
+        let (bound, rest_weight, mean_weight) = match goal {
+            Goal::Bound => {
+                let largest = 3.0 * iterate.largest_log()?;
+                let bound = largest + FIRST_SLACK.0.min(FIRST_SLACK.1 * largest);
+                let stationary = -1.0 / assembly.bound_derivatives(&Barrier { bound }, iterate)?.0;
+                (bound, FIRST_WEIGHT * stationary, 0.0)
+            }
+            Goal::Mean(bound) => {
+                let sum_of_tet = |logs: [f64; 3]| logs.iter().map(|log| 2.0 * (3.0 * log).cosh()).sum();
+                let [sum] = assembly.sum_of_logs(iterate, |_, logs| [sum_of_tet(logs)])?;
+                (bound, FIRST_GAIN / (6.0 * tets as f64), 1.0 / sum)
+            }
+        };
+        let near_active = vec![[None; 2]; tets];
+        Some(Self { goal, problem: PrimalDual { bound, rest_weight, mean_weight, near_active }, tolerance })
+    }
+
+    fn follow(
+        &mut self,
+        assembly: &mut Assembly<'_>,
+        iterate: &mut Iterate,
+        rim: &[bool],
+        recorder: &mut Recorder<'_>,
+    ) -> PhaseEnd {
+        let mut negative = NegativeShare::new();
+        let (mut short, mut idle) = (0, 0);
+        let share = recorder.progress;
+        let mut first_gap = None;
+        for _ in 0..MOST_STEPS {
+            self.select(iterate);
+            let Some(rows) = self.rows(assembly, iterate) else { return PhaseEnd::NoProgress };
+            let Some((system, residual)) = self.system(assembly, iterate, &rows, &mut negative) else {
+                return PhaseEnd::NoProgress;
+            };
+            let reached = residual.largest() < REACHED * self.tolerance
+                && (self.goal == Goal::Bound || residual.primal < VIOLATION);
+            // Optimal, or nearly at K = 1, below which there is nothing, or as good as it gets.
+            if reached || self.problem.bound < REACHED * self.tolerance || short == SHORT.0 {
+                return PhaseEnd::Converged;
+            }
+            let at_rim: f64 = rows.iter().filter(|row| rim[row.tet]).map(|row| row.multiplier).sum();
+            if residual.complementarity < RIM.0 && at_rim > RIM.1 {
+                return PhaseEnd::Converged;
+            }
+            let first = *first_gap.get_or_insert(residual.complementarity);
+            let done = (first / residual.complementarity).ln() / (first / self.tolerance).ln();
+            let (phase, last) = match self.goal {
+                Goal::Bound => ("minimax", BEFORE_POLISH),
+                Goal::Mean(_) => ("mean", 1.0),
+            };
+            recorder.progress = share + (last - share) * done.clamp(0.0, 1.0);
+            let most = if idle >= IDLE.0 { IDLE.1 } else { 1.0 } * self.problem.rest_weight;
+            let (step, weight) = self.step(assembly, iterate.image(), &system, &rows, most);
+            idle = if weight < 0.9 * self.problem.rest_weight { 0 } else { idle + 1 };
+            let Some(length) = self.advance(assembly, iterate, &rows, &step, weight) else {
+                return PhaseEnd::NoProgress;
+            };
+            short = if length < SHORT.1 { short + 1 } else { 0 };
+            if recorder.record(phase, self.problem.bound, length, iterate) == Progress::Stop {
+                return PhaseEnd::Interrupted;
+            }
+            negative.raise();
+        }
+        PhaseEnd::Converged
+    }
+
+    /// Gives multipliers to the constraints that have come near the bound, and takes them from those that have left.
+    fn select(&mut self, iterate: &Iterate) {
+        let problem = &mut self.problem;
+        for (tet, logs) in iterate.logs().enumerate() {
+            let Some(logs) = logs else { continue };
+            for (entry, (axis, factor)) in problem.near_active[tet].iter_mut().zip(PrimalDual::SIDES) {
+                let slack = problem.bound - factor * logs[axis];
+                if slack > NEAR.1 * problem.bound {
+                    *entry = None;
+                } else if entry.is_none() && slack < NEAR.0 * problem.bound {
+                    // It was inside the barrier until now.
+                    *entry = Some(NearActive { slack, multiplier: problem.rest_weight / slack });
+                }
+            }
+        }
+    }
+
+    fn rows(&self, assembly: &Assembly<'_>, iterate: &Iterate) -> Option<Vec<Row>> {
+        let mut rows = Vec::new();
+        for (tet, pair) in self.problem.near_active.iter().enumerate() {
+            if pair.iter().all(Option::is_none) {
+                continue;
+            }
+            for (side, (constraint, function)) in
+                pair.iter().zip(iterate.functions(assembly.domain(), tet)?).enumerate()
+            {
+                if let Some(NearActive { slack, multiplier }) = *constraint {
+                    rows.push(Row { tet, side, value: function.value, gradient: function.gradient, slack, multiplier });
+                }
+            }
+        }
+        Some(rows)
+    }
+
+    /// The factorised system and how far all is from stationary. Lowers `negative` until the system is positive definite;
+    /// `None` if it never is.
+    fn system(
+        &self,
+        assembly: &mut Assembly<'_>,
+        iterate: &Iterate,
+        rows: &[Row],
+        negative: &mut NegativeShare,
+    ) -> Option<(System, KktResidual)> {
+        let problem = &self.problem;
+        let distance = |row: &Row| problem.bound - row.value;
+        let near: f64 = rows.iter().map(|row| row.multiplier * distance(row).abs()).sum();
+        let mut residual = KktResidual {
+            primal: rows.iter().map(|row| -distance(row)).fold(0.0, f64::max),
+            dual: f64::INFINITY,
+            complementarity: near + self.terms() * problem.rest_weight,
+        };
+        loop {
+            let lagrangian = assembly.linearize(problem, iterate, negative.value())?;
+            let scale = assembly.gradient_scale();
+            residual.dual = dot(&lagrangian, &lagrangian).sqrt() / scale;
+            let system = assembly.system();
+            system.shift_diagonal(rounding(system.largest_diagonal()).max(SHIFT * scale * scale));
+            if system.factorize().is_ok()
+                && let Some(system) =
+                    System::new(assembly, iterate, problem, rows, lagrangian, self.goal == Goal::Bound)
+            {
+                residual.dual = residual.dual.max(system.bound_gradient(problem.rest_weight).abs());
+                return Some((system, residual));
+            }
+            negative.lower()?;
+        }
+    }
+
+    /// Number of terms of the barrier, were it on all.
+    fn terms(&self) -> f64 {
+        6.0 * self.problem.near_active.len() as f64
+    }
+
+    /// The step to the next weight, at most `most`, and that weight.
+    fn step(
+        &self,
+        assembly: &mut Assembly<'_>,
+        image: &[Vec3],
+        system: &System,
+        rows: &[Row],
+        most: f64,
+    ) -> (Step, f64) {
+        let problem = &self.problem;
+        let count = rows.len().max(1) as f64;
+        let present =
+            if rows.is_empty() { problem.rest_weight } else { rows.iter().map(Row::product).sum::<f64>() / count };
+        let affine = Target { rest_weight: 0.0, changes: rows.iter().map(|row| -row.product()).collect() };
+        let affine = system.solve(assembly, image, problem, rows, &affine);
+        let reached = affine.products(rows, affine.primal, affine.dual).sum::<f64>() / count;
+        let centring = (reached / present).powi(3).clamp(LEAST_CENTRING, 1.0);
+        let weight = (centring * present).min(most).max(LAST_SHARE * self.tolerance / (count + self.terms()));
+        // The predictor aims at 0: of the way to the present weight itself its products say nothing.
+        let trust = (1.0 - weight / problem.rest_weight).max(0.0).powi(2);
+        let second_order = |k: usize| {
+            trust * (affine.slacks[k] * affine.multipliers[k]).clamp(-CENTRED.1 * present, CENTRED.1 * present)
+        };
+        let changes = rows.iter().enumerate().map(|(k, row)| weight - row.product() - second_order(k)).collect();
+        let mut target = Target { rest_weight: weight, changes };
+        let mut best = system.solve(assembly, image, problem, rows, &target);
+        for _ in 0..CORRECTIONS.0 {
+            let longer = |share: f64| (share + CORRECTIONS.1).min(1.0);
+            let (primal, dual) = (longer(best.primal), longer(best.dual));
+            let missing: Vec<f64> = best
+                .products(rows, primal, dual)
+                .map(|product| {
+                    (product.clamp(CENTRED.0 * weight, CENTRED.1 * weight) - product).max(-CENTRED.1 * weight)
+                })
+                .collect();
+            for (change, missing) in target.changes.iter_mut().zip(&missing) {
+                *change += missing;
+            }
+            let corrected = system.solve(assembly, image, problem, rows, &target);
+            let gain = corrected.primal + corrected.dual - best.primal - best.dual;
+            if gain < CORRECTIONS.1 * CORRECTIONS.2 {
+                break;
+            }
+            best = corrected;
+        }
+        (best, weight)
+    }
+
+    /// Takes the step, halved until no tet is flipped and none without a multiplier is beyond the bound; the share taken.
+    fn advance(
+        &mut self,
+        assembly: &Assembly<'_>,
+        iterate: &mut Iterate,
+        rows: &[Row],
+        step: &Step,
+        weight: f64,
+    ) -> Option<f64> {
+        let mut trials = Trials::default();
+        let mut length = step.primal;
+        let mut tried = 0;
+        let (trial, bound) = loop {
+            let mut at_trial = self.problem.clone();
+            at_trial.bound += length * step.bound;
+            let image: Vec<Vec3> = assembly.moved(iterate.image(), &step.positions, length);
+            if let Some((_, trial)) = trials.evaluate(assembly, &at_trial, image) {
+                break (trial, at_trial.bound);
+            }
+            tried += 1;
+            if tried > HALVINGS {
+                return None;
+            }
+            length *= 0.5;
+        };
+        let problem = &mut self.problem;
+        problem.bound = bound;
+        problem.rest_weight = weight;
+        let logs: Vec<_> = trial.logs().collect();
+        for (k, row) in rows.iter().enumerate() {
+            let (axis, factor) = PrimalDual::SIDES[row.side];
+            let distance = bound - factor * logs[row.tet]?[axis];
+            let slack = (row.slack + length * step.slacks[k]).max(distance);
+            let multiplier = row.multiplier + step.dual * step.multipliers[k];
+            let multiplier = multiplier.clamp(weight / PRODUCTS / slack, weight * PRODUCTS / slack);
+            problem.near_active[row.tet][row.side] = Some(NearActive { slack, multiplier });
+        }
+        *iterate = trial;
+        Some(length)
+    }
+}

@@ -1,0 +1,186 @@
+//! The condensed Newton system of the interior-point method: factorised once, solved for several targets.
+
+use super::super::line_search::dot;
+use crate::mesh::Vec3;
+use crate::objective::{Assembly, Iterate, PrimalDual};
+
+/// A near-active constraint at the present positions.
+pub(super) struct Row {
+    pub tet: usize,
+    /// 0 for K_O, 1 for K_I.
+    pub side: usize,
+    /// g, and its derivatives with respect to the tet's vertices.
+    pub value: f64,
+    pub gradient: [Vec3; 4],
+    pub slack: f64,
+    pub multiplier: f64,
+}
+
+impl Row {
+    pub(super) fn product(&self) -> f64 {
+        self.slack * self.multiplier
+    }
+
+    /// The weight of the constraint's gradient in the condensed system.
+    fn stiffness(&self) -> f64 {
+        self.multiplier / self.slack
+    }
+}
+
+/// The system in the positions, which the assembly holds factorised, and its border, the bound.
+pub(super) struct System {
+    /// Gradient of the Lagrangian in the positions, with the present weight of the barrier on the rest, and that barrier's
+    /// with weight 1.
+    lagrangian: Vec<f64>,
+    rest: Vec<f64>,
+    /// `None` if the bound is given.
+    border: Option<Border>,
+}
+
+/// The bound's row and column.
+struct Border {
+    column: Vec<f64>,
+    solved_column: Vec<f64>,
+    /// What remains of the diagonal entry after the positions are eliminated, positive.
+    schur: f64,
+    /// Derivative in the bound of the Lagrangian without the barrier on the rest, 1 - sum of multipliers, and of that barrier
+    /// with weight 1.
+    lagrangian: f64,
+    rest: f64,
+}
+
+impl Border {
+    fn new(assembly: &mut Assembly<'_>, iterate: &Iterate, problem: &PrimalDual, rows: &[Row]) -> Option<Self> {
+        let column = assembly.gradient_of_logs(iterate, |tet, logs| problem.mixed_slopes(tet, logs))?;
+        let [rest, second] = assembly.sum_of_logs(iterate, |tet, logs| problem.rest_bound_derivatives(tet, logs))?;
+        let diagonal = problem.rest_weight * second + rows.iter().map(Row::stiffness).sum::<f64>();
+        let mut solved_column = column.clone();
+        assembly.system().solve(&mut solved_column);
+        let schur = diagonal - dot(&column, &solved_column);
+        let lagrangian = 1.0 - rows.iter().map(|row| row.multiplier).sum::<f64>();
+        (schur > 0.0).then_some(Self { column, solved_column, schur, lagrangian, rest })
+    }
+
+    /// The derivative of the Lagrangian in the bound, with this weight of the barrier on the rest.
+    fn gradient(&self, rest_weight: f64) -> f64 {
+        self.lagrangian + rest_weight * self.rest
+    }
+}
+
+/// What a Newton step is to reach.
+pub(super) struct Target {
+    /// Weight of the barrier on the rest.
+    pub rest_weight: f64,
+    /// For each row the change of slack times multiplier, to first order.
+    pub changes: Vec<f64>,
+}
+
+/// A Newton step, and the shares of it that leave slacks and multipliers positive.
+pub(super) struct Step {
+    pub positions: Vec<f64>,
+    pub bound: f64,
+    pub slacks: Vec<f64>,
+    pub multipliers: Vec<f64>,
+    pub primal: f64,
+    pub dual: f64,
+}
+
+/// Share of the way to the zero of a slack or multiplier that a step may go.
+const TO_THE_BOUNDARY: f64 = 0.995;
+
+impl Step {
+    /// Slack times multiplier of each row after the given shares of the step.
+    pub(super) fn products<'s>(&'s self, rows: &'s [Row], primal: f64, dual: f64) -> impl Iterator<Item = f64> + 's {
+        rows.iter()
+            .enumerate()
+            .map(move |(k, row)| (row.slack + primal * self.slacks[k]) * (row.multiplier + dual * self.multipliers[k]))
+    }
+}
+
+impl System {
+    /// Takes the factorised system of this gradient, bordered if the bound is free; `None` if the whole is not positive
+    /// definite then.
+    pub(super) fn new(
+        assembly: &mut Assembly<'_>,
+        iterate: &Iterate,
+        problem: &PrimalDual,
+        rows: &[Row],
+        lagrangian: Vec<f64>,
+        bound_is_free: bool,
+    ) -> Option<Self> {
+        let rest = assembly.gradient_of_logs(iterate, |tet, logs| problem.rest_slopes(tet, logs))?;
+        let border = match bound_is_free {
+            true => Some(Border::new(assembly, iterate, problem, rows)?),
+            false => None,
+        };
+        Some(Self { lagrangian, rest, border })
+    }
+
+    /// The derivative of the Lagrangian in the bound; 0 if that is given.
+    pub(super) fn bound_gradient(&self, rest_weight: f64) -> f64 {
+        self.border.as_ref().map_or(0.0, |border| border.gradient(rest_weight))
+    }
+
+    /// The step from residuals as they are to the target.
+    pub(super) fn solve(
+        &self,
+        assembly: &mut Assembly<'_>,
+        image: &[Vec3],
+        problem: &PrimalDual,
+        rows: &[Row],
+        target: &Target,
+    ) -> Step {
+        let tets = assembly.domain().mesh().tets();
+        let vertices = assembly.domain().mesh().points().len();
+        let residual = |row: &Row| row.value + row.slack - problem.bound;
+        let mut forces = vec![Vec3::zeros(); vertices];
+        let mut pull = 0.0;
+        for (row, change) in rows.iter().zip(&target.changes) {
+            let force = (change + row.multiplier * residual(row)) / row.slack;
+            for (g, v) in row.gradient.iter().zip(tets[row.tet]) {
+                forces[v.index()] += g * force;
+            }
+            pull += force;
+        }
+        let more_rest = target.rest_weight - problem.rest_weight;
+        let mut solved: Vec<f64> =
+            self.lagrangian.iter().zip(&self.rest).map(|(gradient, rest)| gradient + more_rest * rest).collect();
+        for (entries, &v) in solved.chunks_exact_mut(3).zip(assembly.free()) {
+            for axis in 0..3 {
+                entries[axis] += forces[v as usize][axis];
+            }
+        }
+        let mut solved = assembly.tangent(image, solved);
+        assembly.system().solve(&mut solved);
+        let mut positions: Vec<f64> = solved.iter().map(|u| -u).collect();
+        let mut bound = 0.0;
+        if let Some(border) = &self.border {
+            bound = (dot(&border.column, &solved) - border.gradient(target.rest_weight) + pull) / border.schur;
+            for (entry, column) in positions.iter_mut().zip(&border.solved_column) {
+                *entry -= column * bound;
+            }
+        }
+        let mut displacement = vec![Vec3::zeros(); vertices];
+        for (d, &v) in positions.chunks_exact(3).zip(assembly.free()) {
+            displacement[v as usize] = Vec3::from_column_slice(d);
+        }
+        let (mut slacks, mut multipliers) = (Vec::with_capacity(rows.len()), Vec::with_capacity(rows.len()));
+        for (row, change) in rows.iter().zip(&target.changes) {
+            let of_value: f64 =
+                row.gradient.iter().zip(tets[row.tet]).map(|(g, v)| g.dot(&displacement[v.index()])).sum();
+            let slack = bound - of_value - residual(row);
+            slacks.push(slack);
+            multipliers.push((change - row.multiplier * slack) / row.slack);
+        }
+        let primal = share(rows.iter().map(|row| row.slack).zip(&slacks));
+        let dual = share(rows.iter().map(|row| row.multiplier).zip(&multipliers));
+        Step { positions, bound, slacks, multipliers, primal, dual }
+    }
+}
+
+/// The share of changes of positive values that leaves them positive.
+fn share<'c>(values: impl Iterator<Item = (f64, &'c f64)>) -> f64 {
+    values
+        .filter(|(_, change)| **change < 0.0)
+        .fold(1.0, |share: f64, (value, change)| share.min(-TO_THE_BOUNDARY * value / change))
+}
