@@ -187,7 +187,8 @@ pub(super) fn welded_within(soup: &PolygonSoup, tolerance: f64) -> (PolygonSoup,
     for (vertex, point) in (0..).zip(&soup.points).filter(|(_, point)| point.iter().all(|x| x.is_finite())) {
         let [i, j, k] = cell(point);
         for shift in 0..27 {
-            let neighbour = [i + shift % 3 - 1, j + shift / 3 % 3 - 1, k + shift / 9 - 1];
+            // Far away, where numbers are not told apart any more, cells may be the last ones.
+            let neighbour = [(i, shift % 3), (j, shift / 3 % 3), (k, shift / 9)].map(|(x, d)| x.saturating_add(d - 1));
             for &other in cells.get(&neighbour).into_iter().flatten() {
                 if (soup.points[other as usize] - point).norm() <= near {
                     sets.join(other, vertex);

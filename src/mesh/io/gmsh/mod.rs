@@ -259,7 +259,7 @@ impl Places {
 
     fn of(&self, tag: i64) -> Option<i64> {
         match self {
-            Places::InOrder(count) => (1..=*count).contains(&tag).then_some(tag - 1),
+            Places::InOrder(count) => (1..=*count).contains(&tag).then(|| tag - 1),
             Places::Any(places) => places.get(&tag).copied(),
         }
     }
