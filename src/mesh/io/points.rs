@@ -3,11 +3,9 @@
 use std::io;
 use std::path::Path;
 
-use super::vtk::{DataArray, write_points_vtu, write_vtu};
 use super::format::ending_of;
-use super::{
-    ReadError, SolidFile, WriteError, read_bytes, read_solid, text, write_atomically,
-};
+use super::vtk::{DataArray, write_points_vtu, write_vtu};
+use super::{ReadError, SolidFile, WriteError, read_bytes, read_solid, text, write_atomically};
 use crate::mesh::{Vec3, VertexId};
 
 const USE_POINT_ENDING: &str = "use .csv or .vtu";

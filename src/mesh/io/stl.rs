@@ -50,7 +50,7 @@ fn read_binary(path: &Path, bytes: &[u8]) -> Result<PolygonSoup, ReadError> {
         return Err(malformed(path, None, message));
     };
     let (there, mut notes) = (room(bytes), Vec::new());
-    let whole = (bytes.len() - BINARY_HEADER) % BINARY_TRIANGLE == 0;
+    let whole = (bytes.len() - BINARY_HEADER).is_multiple_of(BINARY_TRIANGLE);
     if count != there && whole && there > 0 {
         // Programs that write as they go leave 0 or -1 behind.
         notes.push(format!("the binary header promises {count} triangles, {there} are there and were read"));

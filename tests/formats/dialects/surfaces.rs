@@ -23,7 +23,7 @@ fn obj() -> Cases {
     let star = |z: i32| -> String {
         let corner = |i: usize| {
             let (sin, cos) = (i as f64 * std::f64::consts::PI / 5.0).sin_cos();
-            let radius = if i % 2 == 0 { 2.0 } else { 1.0 };
+            let radius = if i.is_multiple_of(2) { 2.0 } else { 1.0 };
             format!("v {:.17} {:.17} {z}\n", radius * cos, radius * sin)
         };
         (0..10).map(corner).collect()

@@ -124,7 +124,8 @@ fn read_sections(source: &mut Source) -> Result<Contents, Fault> {
         }
         let end = source.tokens.expect("the end of a section")?;
         let end_of = |mark: &[u8]| end.text.strip_prefix(mark) == Some(name);
-        if !end_of(b"$End") && !(source.version == Version::One && end_of(b"$END")) {
+        let is_end = end_of(b"$End") || source.version == Version::One && end_of(b"$END");
+        if !is_end {
             let message = format!("{} stands where the section {} should end", end.shown(), keyword.shown());
             return Err((Some(end.line), message));
         }
