@@ -197,9 +197,25 @@ fn domain(config_path: &Path, config: &Config) -> Result<DomainSource, Fault> {
     Ok(source)
 }
 
-use super::{Config, ConfigSource, DomainTable, MapKind, ObjectiveName, OptimizeTable, PolishName, solid};
-use crate::bound::certificate::DEFAULT_TIME_LIMIT;
-use crate::mesh::io::{ReadError, SolidFile, SurfaceFormat, TetFormat, read_solid};
+/// The first key of repairs that is given.
+fn first_repair(domain: &DomainTable) -> Option<&'static str> {
+    let keys =
+        [("weld", domain.weld.is_some()), ("keep_largest", domain.keep_largest), ("fill_holes", domain.fill_holes)];
+    keys.into_iter().find(|(_, given)| *given).map(|(key, _)| key)
+}
+
+fn repair(config: &Config) -> Result<RepairSettings, Fault> {
+    let DomainTable { weld, keep_largest, fill_holes, .. } = config.domain;
+    if let Some(weld) = weld
+        && !(weld > 0.0 && weld <= 0.01)
+    {
+        let message = format!("`domain.weld` is {weld}, but must be greater than 0 and at most 0.01");
+        let help = "it is a part of the bounding box's diagonal, for example 1e-7";
+        return Err(Fault::at(&["domain", "weld"], message, help));
+    }
+    Ok(RepairSettings { weld, keep_largest, fill_holes })
+}
+
 fn certify(config: &Config) -> Result<Option<Duration>, Fault> {
     let table = &config.bounds;
     let key = ["bounds", "certify_time_limit"];

@@ -68,7 +68,7 @@ fn corpus() -> Vec<Seed> {
 
 /// The results of a small run, with a certificate.
 fn results(folder: &Path) {
-    let overrides = ["bounds.certify=true", "bounds.time_limit=5"].map(String::from);
+    let overrides = ["bounds.certify=true", "bounds.certify_time_limit=5"].map(String::from);
     let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/smoke.toml");
     let plan = Plan::read(&config, &overrides).unwrap();
     let finished = experiment::run(&plan, &mut |_row| {}).unwrap();
