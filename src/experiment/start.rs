@@ -1,5 +1,7 @@
 //! The first half of a run: from what the plan names to a domain and the map to start from.
 
+use std::path::Path;
+
 use super::error::{Fault, RunError};
 use crate::config::{DomainSource, InitialMap, MeshPlan, Plan};
 use crate::domain::Domain;

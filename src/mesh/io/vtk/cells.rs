@@ -2,8 +2,8 @@
 
 use std::collections::HashMap;
 
-use crate::mesh::io::cells::{CellData, Cells, Contents, Shape};
 use crate::mesh::Vec3;
+use crate::mesh::io::cells::{CellData, Cells, Contents, Shape};
 use crate::mesh::io::tokens::Fault;
 
 /// The number of a single point.
