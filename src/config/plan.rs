@@ -136,11 +136,15 @@ pub(super) fn name(config_path: &Path, config: &Config) -> Result<String, Fault>
     // The name becomes a folder below results/, and must not lead out of it.
     let mut parts = Path::new(&name).components();
     match (parts.next(), parts.next()) {
-        (Some(Component::Normal(only)), None) if only == name.as_str() && !name.contains(['\\', '\0']) => Ok(name),
+        (Some(Component::Normal(only)), None)
+            if only == name.as_str() && !name.contains(|c: char| c == '\\' || c.is_control()) =>
+        {
+            Ok(name)
+        }
         _ => Err(Fault::at(
             &["name"],
             format!("the name {name:?} cannot be the name of a folder"),
-            "give a name without slashes, for example name = \"cube-fine\"",
+            "give a name without slashes and control characters, for example name = \"cube-fine\"",
         )),
     }
 }
