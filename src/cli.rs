@@ -21,11 +21,12 @@ use clap_complete::Shell;
 
 use crate::bench::BenchError;
 use crate::comparison::{self, ComparisonError};
-use crate::config::{AnalyticPlan, ConfigError, Plan, schema};
+use crate::config::{AnalyticPlan, ConfigError, MeshPlan, Plan, schema};
 use crate::experiment::{self, RunError};
 use crate::mesh::io::{ReadError, WriteError, check_folder_is_writable};
 use crate::optimize::StopReason;
-use crate::report::{PageError, summary, time_line, write_pages, write_pages_of, write_results};
+use crate::report::{FILES, PageError, summary, time_line, write_pages, write_pages_of, write_results};
+use crate::solid::ExternalSettings;
 use crate::verify::VerifyError;
 use output::{fault, note, print, show_error};
 use progress::Progress;
@@ -230,6 +231,12 @@ fn run(arguments: &RunArguments) -> Result<Ending, Failure> {
     let folder = arguments.out.clone().unwrap_or_else(|| PathBuf::from("results").join(&plan.name));
     // Before hours of work, not after.
     check_folder_is_writable(&folder)?;
+    if let Some(taken) = FILES.map(|name| folder.join(name)).into_iter().find(|path| path.is_dir()) {
+        return Err(WriteError::new(&taken, std::io::ErrorKind::IsADirectory.into()).into());
+    }
+    if let MeshPlan::External(ExternalSettings { program: Some(program), .. }) = &plan.mesh {
+        note(&format!("the config has {} run as its mesher", program.display()));
+    }
     plan.optimize.cancel = interrupt::cancel_on_signal();
     let progress = Progress::new(arguments.quiet);
     let finished = experiment::run(&plan, &mut |row| progress.show(row));

@@ -285,7 +285,7 @@
 //!
 //! | module | what it holds |
 //! |---|---|
-//! | [`cancel`] | ending work from outside, and deadlines |
+//! | [`cancel`] | ending work from outside, and deadlines; `child`: programs that do not outlive this one |
 //! | [`linalg`] | the signed 3x3 singular value decomposition; the sparse positive definite solve; intervals |
 //! | [`dilatation`] | K_I, K_O and K of one Jacobian |
 //! | [`mesh`] | ids, units, tet meshes, boxes and soups, topology, sharp features, full boundary; `io`: a format a file |
@@ -312,6 +312,8 @@
 //! doi 10.5220/0005298900460057; "paper eq. N" in these pages is an equation of it.
 
 pub mod cancel;
+
+mod child;
 
 #[doc(hidden)]
 pub mod linalg;

@@ -32,7 +32,14 @@ fn untangling_ends_at_the_time_limit_of_the_optimization_and_when_it_is_cancelle
     for (settings, stop) in [(out_of_time, StopReason::TimeLimit), (cancelled, StopReason::Cancelled)] {
         let untangled = untangle(&domain, &start, &fixed, &settings, &mut |_| {}).unwrap();
         assert!(untangled.iterations == 0 && !untangled.resisting.is_empty(), "{stop:?}");
-        let map = GivenMap { domain: domain.clone(), image: start.clone(), exchanged: 0, units: Default::default() };
+        let map = GivenMap {
+            domain: domain.clone(),
+            image: start.clone(),
+            exchanged: 0,
+            units: Default::default(),
+            kept: Vec::new(),
+            notes: Vec::new(),
+        };
         let optimized = optimize_map(map, None, false, &settings, &mut |_| {}).unwrap();
         assert_eq!((optimized.report.achieved.stop, optimized.report.achieved.iterations), (stop, 0));
         assert!(optimized.report.achieved.last.flipped > 0);

@@ -174,7 +174,7 @@ fn tiny_huge_and_distant_solids_are_meshed() {
     for (scale, shift) in [(1e-7, 0.0), (1e7, 0.0), (1.0, 1e5)] {
         let points = cube.points().iter().map(|p| p * scale + Vec3::new(shift, -shift, shift)).collect();
         let polygons = cube.triangles().iter().map(|triangle| triangle.to_vec()).collect();
-        let surface = Surface::from_soup(PolygonSoup { points, polygons }).unwrap();
+        let surface = Surface::from_soup(PolygonSoup::new(points, polygons)).unwrap();
         let limit = Some(0.05 * scale * scale * scale);
         for (mesher, keep_boundary) in BOTH.into_iter().flat_map(|mesher| [(mesher, false), (mesher, true)]) {
             let max_volume = limit.filter(|_| !keep_boundary);
@@ -205,7 +205,7 @@ fn self_intersecting() -> Surface {
         let [a, b, c, d] = [i, (i + 1) % count, (i + 1) % count + count, i + count].map(VertexId);
         polygons.extend([vec![a, b, c], vec![a, c, d], vec![low, b, a], vec![high, d, c]]);
     }
-    Surface::from_soup(PolygonSoup { points, polygons }).unwrap()
+    Surface::from_soup(PolygonSoup::new(points, polygons)).unwrap()
 }
 
 #[test]

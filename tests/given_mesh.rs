@@ -86,6 +86,8 @@ fn optimize_gives_what_run_gives_from_the_same_start() {
         image: finished.initial.clone(),
         exchanged: 0,
         units: Default::default(),
+        kept: Vec::new(),
+        notes: Vec::new(),
     };
     let locks = finished.domain.boundary().vertex_mask().to_vec();
     let again = optimize_map(map, Some(locks), false, &settings, &mut |_| {}).unwrap();

@@ -2,9 +2,10 @@
 
 use std::ffi::OsString;
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 
 use super::{BenchError, Case, Figures, Peers};
+use crate::child::guarded;
 use crate::config::BenchPlan;
 
 /// The programs whose max K is a goal: when had we what they ended with?
@@ -24,7 +25,7 @@ pub(super) fn optimize_in_child(
     let start = |source| BenchError::Start { program: program.into(), source };
     let folder = tempfile::tempdir().map_err(start)?;
     let trace = folder.path().join("trace.csv");
-    let mut command = Command::new(program);
+    let mut command = guarded(&[], program, None);
     match &case.init {
         Some(init) => {
             command.arg("optimize").arg(&case.rest).arg(init).arg(folder.path().join("image.mesh"));
@@ -35,8 +36,12 @@ pub(super) fn optimize_in_child(
             command.arg("--set").arg(domain_override(&case.rest));
         }
     }
-    command.arg("--threads").arg(threads.to_string()).arg("--json").stdin(Stdio::null());
-    let output = command.output().map_err(start)?;
+    command.arg("--threads").arg(threads.to_string()).arg("--json");
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().map_err(start)?;
+    // Waiting would close it, and end the child.
+    let held = child.stdin.take();
+    let output = child.wait_with_output().map_err(start)?;
+    drop(held);
     // 1 is a map that is still flipped: an outcome like others.
     if !matches!(output.status.code(), Some(0 | 1)) {
         let said = String::from_utf8_lossy(&output.stderr);

@@ -12,7 +12,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::config::BenchPlan;
-use crate::mesh::io::{WriteError, check_folder_is_writable, holds_tets, write_atomically};
+use crate::mesh::io::{TetFormat, WriteError, check_folder_is_writable, write_atomically};
 
 use child::optimize_in_child;
 pub use figures::{Figures, Reach};
@@ -106,8 +106,8 @@ pub fn cases(folder: &Path, only: &[String]) -> Result<Vec<Case>, BenchError> {
     for entry in std::fs::read_dir(folder).map_err(unreadable)? {
         let path = entry.map_err(unreadable)?.path();
         // TetGen's meshes are pairs of files, of which the one with the tets is enough.
-        let is_second_of_pair = path.extension().is_some_and(|ending| ending == "node");
-        if path.is_file() && holds_tets(&path) && !is_second_of_pair {
+        let is_second_of_pair = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("node"));
+        if path.is_file() && TetFormat::of(&path).is_some() && !is_second_of_pair {
             files.push(path);
         }
     }

@@ -17,6 +17,7 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
 /// Reads a map from its two files, and tells if the first one's tets had to be turned.
 pub(super) fn read_map(rest: &Path, image: &Path) -> Result<GivenMap, Failure> {
     let map = GivenMap::read(rest, image)?;
+    tell(rest, &map.notes);
     if map.exchanged > 0 {
         note(&format!(
             "{} of {} tets of {} were stored with negative orientation; two vertices of each were exchanged",
@@ -26,6 +27,11 @@ pub(super) fn read_map(rest: &Path, image: &Path) -> Result<GivenMap, Failure> {
         ));
     }
     Ok(map)
+}
+
+/// Tells what reading did to a file.
+pub(super) fn tell(path: &Path, notes: &[String]) {
+    notes.iter().for_each(|text| note(&format!("{}: {text}", path.display())));
 }
 
 /// Fails if an output is one of the inputs.

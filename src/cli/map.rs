@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::inputs::refuse_to_write_over;
+use super::inputs::{refuse_to_write_over, tell};
 use super::output::{note, print};
 use super::{Ending, Failure};
 use crate::dilatation::Dilatation;
@@ -53,7 +53,8 @@ pub(super) fn map(arguments: &MapArguments) -> Result<Ending, Failure> {
     }
     check_tets_can_be_written(output)?;
     refuse_to_write_over([input], [output])?;
-    let soup = read_tets(input)?;
+    let soup = read_tets(input)?.tidied();
+    tell(input, &soup.notes);
     let map = match arguments.name.as_str() {
         "caraman" => caraman(parameters, input, &soup)?,
         name => AnalyticMap::from_words(name, parameters).map_err(MapFailure::from)?,

@@ -78,7 +78,10 @@ pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure>
     let from_config = arguments.config.as_deref().map(optimize_settings).transpose()?;
     let map = read_map(&arguments.rest, &arguments.init)?;
     let fixed = match &arguments.lock {
-        Some(path) => Some(read_locks(path, map.image.len())?),
+        Some(path) => {
+            let locked = read_locks(path, map.kept.len())?;
+            Some(locked.into_iter().zip(&map.kept).filter(|(_, kept)| **kept).map(|(locked, _)| locked).collect())
+        }
         None => None,
     };
     let settings = OptimizeSettings {

@@ -1,5 +1,6 @@
 //! What reaches the terminal.
 
+use std::borrow::Cow;
 use std::io::{self, Write};
 
 use annotate_snippets::renderer::DecorStyle;
@@ -8,23 +9,32 @@ use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
 use super::{Ending, Failure};
 use crate::config::ConfigError;
 
+/// The text as a terminal may show it: names from files and configs may hold anything.
+fn printable(text: &str) -> Cow<'_, str> {
+    let is_harmful = |c: char| c.is_control() && c != '\n' && c != '\t';
+    if !text.contains(is_harmful) {
+        return Cow::Borrowed(text);
+    }
+    text.chars().map(|c| if is_harmful(c) { c.escape_default().to_string() } else { c.to_string() }).collect()
+}
+
 /// Prints to standard output; unlike `print!`, a closed pipe is an error value and no panic.
 pub(super) fn print(text: &str) -> Result<Ending, Failure> {
     let mut output = io::stdout().lock();
-    output.write_all(text.as_bytes()).and_then(|()| output.flush()).map_err(Failure::Output)?;
+    output.write_all(printable(text).as_bytes()).and_then(|()| output.flush()).map_err(Failure::Output)?;
     Ok(Ending::Done)
 }
 
 /// Tells on standard error what was done that nobody asked for.
 pub(super) fn note(text: &str) {
     // Nothing is left to tell it to if standard error is closed.
-    let _ = writeln!(io::stderr(), "note: {text}");
+    let _ = writeln!(io::stderr(), "note: {}", printable(text));
 }
 
 /// Tells on standard error of a fault that came after results were written, so that it is not a [`Failure`].
 pub(super) fn fault(text: &str) {
     // Nothing is left to tell it to if standard error is closed.
-    let _ = writeln!(io::stderr(), "error: {text}");
+    let _ = writeln!(io::stderr(), "error: {}", printable(text));
 }
 
 /// Shows a failure on standard error: a config's with its lines, any other in one paragraph.
@@ -34,7 +44,7 @@ pub(super) fn show_error(failure: &Failure) {
         other => format!("error: {other}\n"),
     };
     // Nothing is left to tell it to if standard error is closed.
-    let _ = io::stderr().write_all(text.as_bytes());
+    let _ = io::stderr().write_all(printable(&text).as_bytes());
 }
 
 /// The message, the lines it speaks of and the remedy; without colour, and unwrapped, so that it can be searched.

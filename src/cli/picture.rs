@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::inputs::{read_map, refuse_to_write_over};
+use super::inputs::{read_map, refuse_to_write_over, tell};
 use super::output::print;
 use super::{Ending, Failure};
 use crate::mesh::TetMesh;
@@ -90,7 +90,8 @@ pub(super) fn picture(arguments: &PictureArguments) -> Result<Ending, Failure> {
 }
 
 fn read_mesh(path: &Path) -> Result<TetMesh, Failure> {
-    let soup = read_tets(path)?;
+    let soup = read_tets(path)?.tidied();
+    tell(path, &soup.notes);
     let read = TetMesh::from_either_orientation(soup.points, soup.tets);
     let (mesh, _) =
         read.map_err(|error| ReadError::Malformed { path: path.into(), line: None, message: error.to_string() })?;

@@ -1,13 +1,10 @@
 //! The map to start from, and which keys of `[map]` each kind takes.
 
-use std::path::Path;
-
 use super::error::{Fault, reworded};
 use super::limits::positive;
 use super::{Config, ExponentName, ExponentValue, MapKind, MapTable, MeshKind, solid};
 use crate::map::AnalyticMap;
 use crate::map::analytic::MapError;
-use crate::mesh::io::holds_a_surface;
 use crate::solid::CentreChoice;
 
 /// The map to start from.
@@ -28,11 +25,11 @@ pub enum InitialMap {
 }
 
 /// What a checked `[map]` means.
-pub(super) fn plan(config: &Config) -> Result<InitialMap, Fault> {
+pub(super) fn plan(config: &Config, is_mesh: bool) -> Result<InitialMap, Fault> {
     let table = &config.map;
     match table.kind {
         MapKind::Radial => Ok(InitialMap::Radial { exponent: radial_exponent(table)? }),
-        MapKind::Farthest => farthest(config),
+        MapKind::Farthest => farthest(config, is_mesh),
         _ => formula(table).map(InitialMap::Formula),
     }
 }
@@ -60,21 +57,29 @@ fn only_radial() -> Fault {
     Fault::at(&["map", "exponent"], message, "give a number")
 }
 
-fn farthest(config: &Config) -> Result<InitialMap, Fault> {
+fn farthest(config: &Config, is_mesh: bool) -> Result<InitialMap, Fault> {
     let exponent = radial_exponent(&config.map)?;
-    let is_mesh = config.domain.file.as_ref().is_some_and(|file| !holds_a_surface(Path::new(file)));
+    // All that is wrong at once: each would be the next message after the last.
+    let (mut messages, mut helps) = (Vec::new(), Vec::new());
     if !is_mesh && matches!(config.mesh.kind, MeshKind::Shell | MeshKind::Flag) {
-        let message =
-            "the map \"farthest\" cannot start from a shell or flag mesh: these are for star-shaped solids".to_string();
-        let help = "give a mesh as domain.file, set mesh.kind to \"tetgen\" or \"gmsh\", or use kind = \"radial\"";
-        return Err(Fault::at(&["map", "kind"], message, help));
+        messages.push("cannot start from a shell or flag mesh, which are for star-shaped solids");
+        helps.push("give a mesh as domain.file, or set mesh.kind to \"tetgen\" or \"gmsh\"");
     }
     if !matches!(solid::centre(config)?, CentreChoice::Centroid | CentreChoice::BoundingBox | CentreChoice::At(_)) {
-        let message = "the map \"farthest\" is for solids without a star centre".to_string();
-        let help = "set domain.centre to \"centroid\", \"bbox\" or a point [x, y, z]";
-        return Err(Fault::at(&["map", "kind"], message, help));
+        messages.push("is for solids without a star centre");
+        helps.push("set domain.centre to \"centroid\", \"bbox\" or a point [x, y, z]");
     }
-    exponent.map(|exponent| InitialMap::Farthest { exponent }).ok_or_else(only_radial)
+    if exponent.is_none() {
+        messages.push("has no best exponent");
+        helps.push("give map.exponent a number");
+    }
+    match exponent {
+        Some(exponent) if messages.is_empty() => Ok(InitialMap::Farthest { exponent }),
+        _ => {
+            let message = format!("the map \"farthest\" {}", messages.join(", and it "));
+            Err(Fault::at(&["map", "kind"], message, helps.join("; ") + "; or use kind = \"radial\""))
+        }
+    }
 }
 
 /// Read as one of `[analytic]` is: its own type knows its parameters.

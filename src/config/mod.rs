@@ -93,6 +93,14 @@ pub struct DomainTable {
     /// Default: 8.
     #[schemars(range(min = 1, max = 1000))]
     pub resolution: Option<i64>,
+    /// Vertices of a surface file no farther apart than this part of its bounding box's diagonal become one, as where a
+    /// program split them at a seam and rounded; up to 0.01. Default: only those at the same place do.
+    #[schemars(range(max = 0.01), extend("exclusiveMinimum" = 0))]
+    pub weld: Option<f64>,
+    /// Of a surface file that falls into pieces keep the one with the largest area. Default: false.
+    pub keep_largest: bool,
+    /// Fill the flat holes of a surface file. Default: false.
+    pub fill_holes: bool,
     /// Keep a given mesh as it is. Default: false, interior edges and faces between boundary vertices are split, so that
     /// no tet is locked by the fixed boundary.
     pub keep_mesh: bool,

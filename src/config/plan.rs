@@ -7,12 +7,12 @@ use super::error::{ConfigError, EXAMPLE, Fault};
 use super::limits::{duration, positive, whole};
 use super::map::{self, InitialMap};
 use super::mesh::{self, MeshPlan};
-use super::{Config, ConfigSource, ObjectiveName, OptimizeTable, PolishName, solid};
+use super::{Config, ConfigSource, DomainTable, MapKind, ObjectiveName, OptimizeTable, PolishName, solid};
 use crate::bound::certificate::DEFAULT_TIME_LIMIT;
 use crate::mesh::Unit;
-use crate::mesh::io::{ReadError, holds_a_surface, holds_tets};
+use crate::mesh::io::{ReadError, SolidFile, SurfaceFormat, TetFormat, read_solid};
 use crate::optimize::{Objective, OptimizeSettings, Polish};
-use crate::solid::{CentreChoice, Refinement, Solid};
+use crate::solid::{CentreChoice, Refinement, RepairSettings, Solid};
 
 /// A run that can be started.
 #[derive(Clone, Debug)]
@@ -27,6 +27,8 @@ pub struct Plan {
     pub threads: Option<usize>,
     /// What is mapped.
     pub domain: DomainSource,
+    /// What may be done to a surface file.
+    pub repair: RepairSettings,
     /// Whether a given mesh keeps its connectivity, locked tets included.
     pub keep_mesh: bool,
     /// Its star centre.
@@ -48,7 +50,7 @@ pub enum DomainSource {
     Solid(Solid),
     /// A surface file that was there when the config was read.
     Surface(PathBuf),
-    /// A file of tets that was there when the config was read.
+    /// A file of cells, usually tets, that was there when the config was read.
     Mesh(PathBuf),
 }
 
@@ -77,16 +79,19 @@ impl Plan {
     }
 
     pub(super) fn new(source: &ConfigSource, config: &Config) -> Result<Self, Fault> {
+        let domain = domain(source.path(), config)?;
+        let is_mesh = matches!(domain, DomainSource::Mesh(_));
         Ok(Self {
             name: name(source.path(), config)?,
             source: source.clone(),
             seed: whole(Some(config.seed), 0, 0..=i64::MAX, &["seed"])?,
             threads: Some(whole(config.threads, 0, 0..=1024, &["threads"])?).filter(|&threads| threads > 0),
-            domain: domain(source.path(), config)?,
+            repair: repair(config)?,
             keep_mesh: config.domain.keep_mesh,
             centre: solid::centre(config)?,
             mesh: mesh::plan(&config.mesh, source.path())?,
-            map: map::plan(config)?,
+            map: map::plan(config, is_mesh)?,
+            domain,
             optimize: optimize(config)?,
             certify: certify(config)?,
         })
@@ -131,11 +136,15 @@ pub(super) fn name(config_path: &Path, config: &Config) -> Result<String, Fault>
     // The name becomes a folder below results/, and must not lead out of it.
     let mut parts = Path::new(&name).components();
     match (parts.next(), parts.next()) {
-        (Some(Component::Normal(only)), None) if only == name.as_str() && !name.contains(['\\', '\0']) => Ok(name),
+        (Some(Component::Normal(only)), None)
+            if only == name.as_str() && !name.contains(|c: char| c == '\\' || c.is_control()) =>
+        {
+            Ok(name)
+        }
         _ => Err(Fault::at(
             &["name"],
             format!("the name {name:?} cannot be the name of a folder"),
-            "give a name without slashes, for example name = \"cube-fine\"",
+            "give a name without slashes and control characters, for example name = \"cube-fine\"",
         )),
     }
 }
@@ -159,12 +168,18 @@ fn domain(config_path: &Path, config: &Config) -> Result<DomainSource, Fault> {
                 let message = format!("the file {} {why}", path.display());
                 return Err(Fault::at(&["domain", "file"], message, "paths are relative to the config file"));
             }
-            if !holds_a_surface(&path) && !holds_tets(&path) {
+            let is_surface = SurfaceFormat::of(&path).is_some();
+            if !is_surface && TetFormat::of(&path).is_none() {
                 let ending = path.extension().unwrap_or_default().to_string_lossy().into_owned();
                 let message = ReadError::UnknownEnding { path, ending, wanted: "solid" }.to_string();
                 return Err(Fault::at(&["domain", "file"], message, "export the solid in one of these formats"));
             }
-            if holds_a_surface(&path) { DomainSource::Surface(path) } else { DomainSource::Mesh(path) }
+            // What a file of cells holds is told by its content, but that is read twice only where it matters here.
+            let matters = mesh::first_given(&config.mesh).is_some()
+                || config.map.kind == MapKind::Farthest
+                || first_repair(domain).is_some();
+            let is_surface = is_surface || matters && matches!(read_solid(&path), Ok(SolidFile::Surface(_)));
+            if is_surface { DomainSource::Surface(path) } else { DomainSource::Mesh(path) }
         }
     };
     solid::check_parameters(domain)?;
@@ -173,11 +188,36 @@ fn domain(config_path: &Path, config: &Config) -> Result<DomainSource, Fault> {
         let message = format!("`{key}` speaks of a mesh to be made, but `domain.file` is a mesh already");
         return Err(Fault::at(&["mesh", key], message, "remove the key, or give a surface as domain.file"));
     }
+    if let Some(key) = first_repair(domain)
+        && !matches!(source, DomainSource::Surface(_))
+    {
+        let message = format!("`{key}` speaks of a surface file, and the domain is none");
+        return Err(Fault::at(&["domain", key], message, "remove the key, or give a surface as domain.file"));
+    }
     if domain.keep_mesh && !is_mesh {
         let message = "`keep_mesh` speaks of a given mesh, but the mesh of this run is made".to_string();
         return Err(Fault::at(&["domain", "keep_mesh"], message, "remove the key, or give a mesh as domain.file"));
     }
     Ok(source)
+}
+
+/// The first key of repairs that is given.
+fn first_repair(domain: &DomainTable) -> Option<&'static str> {
+    let keys =
+        [("weld", domain.weld.is_some()), ("keep_largest", domain.keep_largest), ("fill_holes", domain.fill_holes)];
+    keys.into_iter().find(|(_, given)| *given).map(|(key, _)| key)
+}
+
+fn repair(config: &Config) -> Result<RepairSettings, Fault> {
+    let DomainTable { weld, keep_largest, fill_holes, .. } = config.domain;
+    if let Some(weld) = weld
+        && !(weld > 0.0 && weld <= 0.01)
+    {
+        let message = format!("`domain.weld` is {weld}, but must be greater than 0 and at most 0.01");
+        let help = "it is a part of the bounding box's diagonal, for example 1e-7";
+        return Err(Fault::at(&["domain", "weld"], message, help));
+    }
+    Ok(RepairSettings { weld, keep_largest, fill_holes })
 }
 
 fn certify(config: &Config) -> Result<Option<Duration>, Fault> {

@@ -16,7 +16,7 @@ fn torus(major_radius: f64, minor_radius: f64, resolution: u32) -> Surface {
     let upright = Solid::Torus { major_radius, minor_radius, resolution }.surface().unwrap();
     let points = upright.points().iter().map(|p| Vec3::new(p.x, 2.0 - p.z, p.y)).collect();
     let polygons = upright.triangles().iter().map(|triangle| triangle.to_vec()).collect();
-    let surface = Surface::from_soup(crate::mesh::PolygonSoup { points, polygons }).unwrap();
+    let surface = Surface::from_soup(crate::mesh::PolygonSoup::new(points, polygons)).unwrap();
     assert!(!surface.was_inside_out() && surface.genus() == 1);
     surface
 }

@@ -73,12 +73,18 @@ pub fn run(plan: &Plan, observe: &mut (dyn FnMut(&TraceRow) + Send)) -> Result<F
     on_threads(plan.threads.unwrap_or(0), || stages(plan, observe))?
 }
 
+/// The most threads that are started, whoever asks for more.
+const MOST_THREADS: usize = 1024;
+
 /// Does a job on a pool of that many threads; 0 for all cores.
 ///
 /// # Errors
 /// [`RunError::Threads`].
 pub fn on_threads<T: Send>(threads: usize, job: impl FnOnce() -> T + Send) -> Result<T, RunError> {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    // What rayon itself would take from the environment, within the same limit.
+    let from_environment = || std::env::var("RAYON_NUM_THREADS").ok().and_then(|text| text.parse().ok());
+    let asked = if threads == 0 { from_environment().unwrap_or(0) } else { threads };
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(asked.min(MOST_THREADS)).build();
     let pool = pool.map_err(|error| RunError::Threads { threads, message: error.to_string() })?;
     Ok(pool.install(job))
 }

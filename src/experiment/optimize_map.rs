@@ -25,6 +25,10 @@ pub struct GivenMap {
     pub exchanged: usize,
     /// The units in which lengths of the domain and of the image are counted here.
     pub units: [Unit; 2],
+    /// Which vertices of the files are those of the domain, in their order; the others belong to no tet.
+    pub kept: Vec<bool>,
+    /// What was done to the domain's file that nobody asked for, a sentence each without its full stop.
+    pub notes: Vec<String>,
 }
 
 impl GivenMap {
@@ -34,10 +38,12 @@ impl GivenMap {
     /// # Errors
     /// A file that cannot be read, meshes of different connectivity, or a domain with a flat tet.
     pub fn read(rest: &Path, image: &Path) -> Result<Self, RunError> {
-        let [mut first, mut second] = [read_tets(rest)?, read_tets(image)?];
+        let [first, second] = [read_tets(rest)?, read_tets(image)?];
         if let Some(difference) = difference(&first, &second) {
             return Err(RunError::Mismatch { rest: rest.into(), image: image.into(), difference });
         }
+        let kept = first.named_vertices();
+        let [mut first, mut second] = [first.tidied(), second.tidied()];
         let units = [&mut first, &mut second].map(|soup| {
             let unit = Unit::of(&soup.points);
             soup.points = unit.take_points(&soup.points);
@@ -47,7 +53,7 @@ impl GivenMap {
         let (mesh, exchanged) =
             TetMesh::from_either_orientation(first.points, first.tets).map_err(RunError::at(&origin))?;
         let domain = Domain::any_topology(mesh).map_err(RunError::at(&origin))?;
-        Ok(Self { domain, image: second.points, exchanged, units })
+        Ok(Self { domain, image: second.points, exchanged, units, kept, notes: first.notes })
     }
 }
 

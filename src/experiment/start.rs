@@ -6,8 +6,8 @@ use super::error::{Fault, RunError};
 use crate::config::{DomainSource, InitialMap, MeshPlan, Plan};
 use crate::domain::Domain;
 use crate::map::{AnalyticMap, RadialCoordinates, RayEnd, caraman};
-use crate::mesh::io::{ReadError, read_surface, read_tets};
-use crate::mesh::{Orientation, TetMesh, TetSoup, Unit, Vec3, full_boundary, orientation};
+use crate::mesh::io::{ReadError, SolidFile, read_solid, read_surface};
+use crate::mesh::{Orientation, PolygonSoup, TetMesh, TetSoup, Unit, Vec3, full_boundary, orientation};
 use crate::report::{MapFigures, RefinementFigures, Splits};
 use crate::solid::{
     ExternalSettings, Refinement, StarCentre, Surface, best_radial_exponent, check_filled, external_mesh, flag_mesh,
@@ -45,20 +45,25 @@ impl Start {
                     Self::of_surface(&solid.surface()?, plan, Unit::default()).map_err(RunError::at(&origin))?;
                 Ok(Self { origin, ..start })
             }
-            DomainSource::Surface(path) => {
-                let (surface, unit) = surface_of(path)?;
-                let start =
-                    Self::of_surface(&surface, &plan.in_unit(unit), unit).map_err(RunError::at(&named(path, unit)))?;
-                start.of_file(path, unit)
-            }
-            DomainSource::Mesh(path) => {
-                let mut soup = read_tets(path)?;
-                let unit = Unit::of_extreme(&soup.points);
-                soup.points = unit.take_points(&soup.points);
-                let start = Self::of_mesh(soup, &plan.in_unit(unit), unit).map_err(RunError::at(&named(path, unit)))?;
-                start.of_file(path, unit)
-            }
+            DomainSource::Surface(path) => Self::of_polygons(read_surface(path)?, path, plan),
+            DomainSource::Mesh(path) => match read_solid(path)? {
+                SolidFile::Surface(soup) => Self::of_polygons(soup, path, plan),
+                SolidFile::Tets(soup) => {
+                    let mut soup = soup.tidied();
+                    let unit = Unit::of_extreme(&soup.points);
+                    soup.points = unit.take_points(&soup.points);
+                    let start =
+                        Self::of_mesh(soup, &plan.in_unit(unit), unit).map_err(RunError::at(&named(path, unit)))?;
+                    start.of_file(path, unit)
+                }
+            },
         }
+    }
+
+    fn of_polygons(soup: PolygonSoup, path: &Path, plan: &Plan) -> Result<Self, RunError> {
+        let (surface, unit) = surface_of(soup, path, plan)?;
+        let start = Self::of_surface(&surface, &plan.in_unit(unit), unit).map_err(RunError::at(&named(path, unit)))?;
+        start.of_file(path, unit)
     }
 
     /// The same on a domain that is there, where an external mesher made it from the plan's solid; lengths of the domain are
@@ -67,7 +72,7 @@ impl Start {
         let (path, surface) = match &plan.domain {
             DomainSource::Solid(solid) => (None, solid.surface()?),
             DomainSource::Surface(path) | DomainSource::Mesh(path) => {
-                let (surface, of_file) = surface_of(path)?;
+                let (surface, of_file) = surface_of(read_surface(path)?, path, plan)?;
                 (Some(path), surface.in_unit(unit.times(of_file.inverse())))
             }
         };
@@ -101,6 +106,7 @@ impl Start {
     }
 
     fn warn_of(&mut self, surface: &Surface) {
+        self.warnings.extend_from_slice(surface.notes());
         if surface.was_inside_out() {
             self.warnings.push("the surface was inside out; all its triangles were reversed".into());
         }
@@ -140,11 +146,13 @@ impl Start {
     }
 
     fn of_mesh(soup: TetSoup, plan: &Plan, unit: Unit) -> Result<Self, Fault> {
-        let count = soup.tets.len();
-        let (mesh, exchanged) = TetMesh::from_either_orientation(soup.points, soup.tets)?;
+        let TetSoup { points, tets, notes } = soup;
+        let count = tets.len();
+        let (mesh, exchanged) = TetMesh::from_either_orientation(points, tets)?;
         let domain = Domain::new(mesh)?;
         let surface = Surface::from_triangles(domain.mesh().points().to_vec(), domain.boundary().triangles())?;
         let mut start = Self::of_domain(domain, &surface, plan, unit)?;
+        start.warnings.extend(notes);
         if exchanged > 0 {
             start.warnings.push(format!(
                 "{exchanged} of {count} tets were stored with negative orientation; two vertices of each were exchanged"
@@ -247,13 +255,12 @@ impl Start {
     }
 }
 
-/// The closed surface in a file, and the unit in which it is counted.
-fn surface_of(path: &Path) -> Result<(Surface, Unit), RunError> {
-    let mut soup = read_surface(path)?;
+/// The closed surface of a file's polygons, and the unit in which it is counted.
+fn surface_of(mut soup: PolygonSoup, path: &Path, plan: &Plan) -> Result<(Surface, Unit), RunError> {
     // Points that no polygon names are of no account.
     let unit = Unit::of_extreme(soup.polygons.iter().flatten().filter_map(|v| soup.points.get(v.index())));
     soup.points = unit.take_points(&soup.points);
-    let surface = Surface::from_soup(soup).map_err(RunError::at(&named(path, unit)))?;
+    let surface = Surface::repaired(soup, &plan.repair).map_err(RunError::at(&named(path, unit)))?;
     Ok((surface, unit))
 }
 

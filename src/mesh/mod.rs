@@ -11,6 +11,7 @@ mod full_boundary;
 pub mod io;
 mod place;
 mod quality;
+mod soup;
 mod tet_mesh;
 mod unit;
 mod view;
@@ -24,6 +25,7 @@ pub use features::{Features, SHARP};
 pub use full_boundary::{FullBoundary, full_boundary};
 pub use place::Place;
 pub use quality::smallest_dihedral_angle;
+pub use soup::{PolygonSoup, TetSoup};
 pub use tet_mesh::{MeshError, Orientation, TetMesh, edge_matrix, orientation};
 pub use unit::Unit;
 pub(crate) use view::View;
@@ -67,23 +69,4 @@ impl TriangleId {
     pub fn index(self) -> usize {
         self.0 as usize
     }
-}
-
-/// Points and polygons as a surface file holds them: nothing is checked but that indices are in range.
-#[derive(Clone, Debug, PartialEq)]
-pub struct PolygonSoup {
-    /// Vertex positions.
-    pub points: Vec<Vec3>,
-    /// Polygons of three or more vertices each, counter-clockwise seen from outside if the file is in order.
-    pub polygons: Vec<Vec<VertexId>>,
-}
-
-/// Points and tetrahedra as a mesh file holds them: nothing is checked but that coordinates are finite and indices are
-/// in range.
-#[derive(Clone, Debug, PartialEq)]
-pub struct TetSoup {
-    /// Vertex positions.
-    pub points: Vec<Vec3>,
-    /// Tetrahedra in the file's own vertex order, which may be of either orientation.
-    pub tets: Vec<[VertexId; 4]>,
 }

@@ -112,7 +112,7 @@ impl OnBoundary {
         }
         let (owners, polygons): (Vec<usize>, Vec<Vec<VertexId>>) = cells.boundary_faces().into_iter().unzip();
         let triangles: Vec<[VertexId; 3]> = polygons.iter().map(|face| [face[0], face[1], face[2]]).collect();
-        let surface = Surface::from_soup(PolygonSoup { points: points.to_vec(), polygons })?;
+        let surface = Surface::from_soup(PolygonSoup::new(points.to_vec(), polygons))?;
         let curvature = Curvature::of(&surface);
         // A surface drops the vertices inside and keeps the order of the others.
         let mut used: Vec<VertexId> = triangles.iter().flatten().copied().collect();

@@ -160,7 +160,7 @@ pub fn external_mesh(
 /// # Errors
 /// How it does not.
 pub fn check_filled(mesh: &TetMesh, surface: &Surface, settings: &ExternalSettings) -> Result<(), ExternalError> {
-    let soup = TetSoup { points: mesh.points().to_vec(), tets: mesh.tets().to_vec() };
+    let soup = TetSoup { points: mesh.points().to_vec(), tets: mesh.tets().to_vec(), notes: Vec::new() };
     result::checked(soup, surface, settings).map(drop)
 }
 

@@ -331,7 +331,7 @@ mod tests {
         let points: Vec<Vec3> = at(-1.0).into_iter().chain(at(1.0)).collect();
         let quads = [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]];
         let polygons = quads.iter().map(|quad| quad.iter().map(|&v| VertexId(v)).collect()).collect();
-        let surface = Surface::from_soup(crate::mesh::PolygonSoup { points, polygons }).unwrap();
+        let surface = Surface::from_soup(crate::mesh::PolygonSoup::new(points, polygons)).unwrap();
         let faces = flat_faces(&surface);
         let mut sides: Vec<usize> = faces.loops.iter().map(Vec::len).collect();
         sides.sort_unstable();

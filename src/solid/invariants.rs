@@ -124,7 +124,7 @@ mod tests {
         let before = Solid::Torus { major_radius: 2f64.sqrt(), minor_radius: 1.0, resolution: 64 }.surface().unwrap();
         let moved = |map: &dyn Fn(&crate::mesh::Vec3) -> crate::mesh::Vec3| {
             let polygons = before.triangles().iter().map(|triangle| triangle.to_vec()).collect();
-            let soup = crate::mesh::PolygonSoup { points: before.points().iter().map(map).collect(), polygons };
+            let soup = crate::mesh::PolygonSoup::new(before.points().iter().map(map).collect(), polygons);
             Curvature::of(&Surface::from_soup(soup).unwrap()).invariants()
         };
         let from = crate::mesh::Vec3::new(0.0, 0.0, 3.0);

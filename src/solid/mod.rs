@@ -3,7 +3,6 @@
 mod centre;
 mod external;
 mod faces;
-mod fan;
 mod flag;
 mod generate;
 mod inside;
@@ -12,10 +11,12 @@ mod kernel;
 #[cfg(feature = "nlopt")]
 mod optimal_centre;
 mod platonic;
+mod polygon;
 mod polyhedron;
 mod prism;
 mod radial;
 mod refine;
+mod repair;
 mod shell;
 mod smooth;
 mod sphere;
@@ -25,14 +26,15 @@ mod voxelize;
 
 pub use centre::{CentreChoice, CentreError, StarCentre, star_centre};
 pub use external::{ExternalError, ExternalMesher, ExternalSettings, Sizing, check_filled, external_mesh};
-pub use fan::FanError;
 pub use flag::{Flag, FlagError, FlagMesh, FlagSettings, flag_mesh};
 pub use generate::{Solid, SolidError};
 pub use inside::{InsideTest, Side};
 pub use invariants::{Curvature, Invariants};
 pub use kernel::{KernelError, StarKernel};
+pub use polygon::PolygonError;
 pub use radial::{best_radial_exponent, radial_max_dilatation};
 pub use refine::inscribed_stretch;
+pub use repair::RepairSettings;
 pub use shell::{MOST_TETS, Refinement, ShellError, ShellMesh, ShellSettings, shell_mesh};
 pub use surface::{Surface, SurfaceEdge, SurfaceError};
 pub use voxelize::{Grid, VoxelizeError, Voxels, voxelize};

@@ -58,7 +58,7 @@ impl Polyhedron {
                 polygons.push([centre, midpoint, to].map(VertexId).to_vec());
             }
         }
-        PolygonSoup { points, polygons }
+        PolygonSoup::new(points, polygons)
     }
 }
 

@@ -97,10 +97,8 @@ pub fn shell_mesh(surface: &Surface, centre: Vec3, settings: &ShellSettings) -> 
     if soup.triangles.len() > most {
         return Err(ShellError::TooLarge { tets: soup.triangles.len() * per_triangle });
     }
-    let surface = Surface::from_soup(PolygonSoup {
-        points: soup.points,
-        polygons: soup.triangles.into_iter().map(|t| t.map(VertexId).to_vec()).collect(),
-    })?;
+    let polygons = soup.triangles.into_iter().map(|t| t.map(VertexId).to_vec()).collect();
+    let surface = Surface::from_soup(PolygonSoup::new(soup.points, polygons))?;
     layered(surface, centre, &layer_fractions(settings.layers, settings.grading))
 }
 

@@ -9,7 +9,7 @@ use crate::mesh::{PolygonSoup, Vec3, VertexId};
 pub(super) fn ellipsoid(radii: [f64; 3], resolution: u32) -> PolygonSoup {
     let SphereMesh { directions, triangles } = sphere::subdivided(resolution);
     let points = directions.into_iter().map(|direction| direction.component_mul(&Vec3::from(radii))).collect();
-    PolygonSoup { points, polygons: triangles.into_iter().map(|t| t.map(VertexId).to_vec()).collect() }
+    PolygonSoup::new(points, triangles.into_iter().map(|t| t.map(VertexId).to_vec()).collect())
 }
 
 /// The number of segments along the greater circle that makes them about as long as those round the tube.
@@ -35,5 +35,5 @@ pub(super) fn torus(major_radius: f64, minor_radius: f64, resolution: u32) -> Po
             [vec![a, b, c], vec![a, c, d]]
         })
         .collect();
-    PolygonSoup { points, polygons }
+    PolygonSoup::new(points, polygons)
 }

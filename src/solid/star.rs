@@ -22,7 +22,7 @@ pub(super) fn smooth(seed: u64, degree: u32, amplitude: f64, resolution: u32) ->
         .collect();
     let largest = sums.iter().fold(0.0, |largest: f64, sum| largest.max(sum.abs()));
     let points = directions.iter().zip(&sums).map(|(u, sum)| u * (1.0 + amplitude * sum / largest)).collect();
-    PolygonSoup { points, polygons: triangles.into_iter().map(|t| t.map(VertexId).to_vec()).collect() }
+    PolygonSoup::new(points, triangles.into_iter().map(|t| t.map(VertexId).to_vec()).collect())
 }
 
 /// Flat triangles over a sphere triangulation, the radius of each vertex uniform in 1 +- amplitude.

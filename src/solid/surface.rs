@@ -2,7 +2,8 @@
 
 use crate::mesh::{DisjointSets, PolygonSoup, TriangleId, Unit, Vec3, VertexId};
 
-use super::fan::{self, FanError};
+use super::polygon::PolygonError;
+use super::repair::{RepairSettings, Triangles, welded_at_once, welded_within};
 
 /// Why polygons do not bound a solid. All numbers count from 0, in the order of the file or generator.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -26,13 +27,13 @@ pub enum SurfaceError {
         /// How many vertices there are.
         count: usize,
     },
-    /// A polygon names one vertex twice, or has fewer than three.
+    /// A polygon cannot be cut into triangles.
     #[error("polygon {polygon} (vertices and polygons are counted from 0) {fault}")]
     BadPolygon {
         /// The polygon.
         polygon: usize,
         /// What is wrong with it.
-        fault: FanError,
+        fault: PolygonError,
     },
     /// An edge has a triangle on one side only.
     #[error(
@@ -118,6 +119,7 @@ pub struct Surface {
     triangles: Vec<[VertexId; 3]>,
     edges: Vec<SurfaceEdge>,
     was_inside_out: bool,
+    notes: Vec<String>,
 }
 
 impl Surface {
@@ -126,30 +128,48 @@ impl Surface {
         Self { points: unit.take_points(&self.points), ..self.clone() }
     }
 
-    /// Checks polygons and cuts those of more than three vertices into fans of triangles.
+    /// Checks polygons and cuts those of more than three vertices into triangles.
     ///
     /// Vertices that no polygon names are dropped, the others keep their order; triangles keep the order of their
-    /// polygons. A surface that is inside out (negative volume) is reversed as a whole.
+    /// polygons. Polygons without area are dropped, and where the surface is not closed otherwise, vertices at the same
+    /// place become one; see [`Surface::notes`]. A surface that is inside out (negative volume) is reversed as a whole.
     ///
     /// # Errors
     /// The first fault, with its place.
     pub fn from_soup(soup: PolygonSoup) -> Result<Self, SurfaceError> {
-        if let Some(vertex) = soup.points.iter().position(|point| !point.iter().all(|x| x.is_finite())) {
-            return Err(SurfaceError::NotFinite { vertex });
+        Self::repaired(soup, &RepairSettings::default())
+    }
+
+    /// The same, with repairs that have to be asked for.
+    ///
+    /// # Errors
+    /// As [`Surface::from_soup`].
+    pub fn repaired(soup: PolygonSoup, settings: &RepairSettings) -> Result<Self, SurfaceError> {
+        if let Some(tolerance) = settings.weld {
+            let (welded, spared) = welded_within(&soup, tolerance);
+            return Self::of_triangles(told(Triangles::of(&welded)?, spared), settings);
         }
-        let mut triangles = Vec::with_capacity(2 * soup.polygons.len());
-        for (polygon, vertices) in soup.polygons.iter().enumerate() {
-            if let Some(vertex) = vertices.iter().find(|vertex| vertex.index() >= soup.points.len()) {
-                return Err(SurfaceError::VertexOutOfRange { polygon, vertex: vertex.0, count: soup.points.len() });
-            }
-            let fan = fan::triangulate(&soup.points, vertices)
-                .map_err(|fault| SurfaceError::BadPolygon { polygon, fault })?;
-            triangles.extend(fan);
+        match Self::of_triangles(Triangles::of(&soup)?, settings) {
+            Err(error @ SurfaceError::Open { .. }) => match welded_at_once(&soup) {
+                (_, 0) => Err(error),
+                (welded, spared) => Self::of_triangles(told(Triangles::of(&welded)?, spared), settings),
+            },
+            made => made,
         }
-        let points = drop_unused(soup.points, &mut triangles);
+    }
+
+    fn of_triangles(mut soup: Triangles, settings: &RepairSettings) -> Result<Self, SurfaceError> {
+        if settings.keep_largest {
+            soup.keep_largest();
+        }
+        if settings.fill_holes {
+            soup.fill_holes();
+        }
+        let Triangles { points, mut triangles, notes } = soup;
+        let points = drop_unused(points, &mut triangles);
         let edges = pair_edges(&points, &triangles)?;
         check_links(&points, &triangles, &edges)?;
-        let mut surface = Self { points, triangles, edges, was_inside_out: false };
+        let mut surface = Self { points, triangles, edges, was_inside_out: false, notes };
         let volume = surface.volume();
         if volume == 0.0 {
             return Err(SurfaceError::NoVolume);
@@ -168,7 +188,7 @@ impl Surface {
     /// As [`Surface::from_soup`].
     pub fn from_triangles(points: Vec<Vec3>, triangles: &[[VertexId; 3]]) -> Result<Self, SurfaceError> {
         let polygons = triangles.iter().map(|triangle| triangle.to_vec()).collect();
-        Self::from_soup(PolygonSoup { points, polygons })
+        Self::from_soup(PolygonSoup::new(points, polygons))
     }
 
     /// Vertex positions, each used by some triangle.
@@ -189,6 +209,11 @@ impl Surface {
     /// Whether the given triangles faced inward and have all been reversed.
     pub fn was_inside_out(&self) -> bool {
         self.was_inside_out
+    }
+
+    /// What was done to the given polygons that nobody asked for, a sentence each without its full stop.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
     }
 
     /// The corners of a triangle.
@@ -255,6 +280,14 @@ impl Surface {
     pub fn ids(&self) -> impl Iterator<Item = TriangleId> + use<> {
         (0..self.triangles.len() as u32).map(TriangleId)
     }
+}
+
+/// The triangles with a note of how many vertices became one with another.
+fn told(mut triangles: Triangles, spared: usize) -> Triangles {
+    if spared > 0 {
+        triangles.notes.push(format!("{spared} vertices became one with another at the same place"));
+    }
+    triangles
 }
 
 /// Signed volume of the tetrahedron from the origin to a triangle.

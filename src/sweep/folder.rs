@@ -134,7 +134,13 @@ impl SweepFolder {
     /// A lock file that cannot be made.
     pub(super) fn take(&self, id: &str) -> Result<Option<Taken>, WriteError> {
         let path = self.cases().join(format!(".{id}.lock"));
-        let file = File::create(&path).map_err(|source| WriteError::new(&path, source))?;
+        // A link would lock, and make, a file elsewhere.
+        if fs::symlink_metadata(&path).is_ok_and(|data| !data.is_file()) {
+            let source = io::Error::new(io::ErrorKind::AlreadyExists, "a link or folder stands where the lock goes");
+            return Err(WriteError::new(&path, source));
+        }
+        let file = File::options().write(true).create(true).truncate(false).open(&path);
+        let file = file.map_err(|source| WriteError::new(&path, source))?;
         let lock = match file.try_lock() {
             Ok(()) => Some((path, file)),
             Err(TryLockError::WouldBlock) => return Ok(None),

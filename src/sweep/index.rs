@@ -133,11 +133,16 @@ fn read(path: &Path) -> Option<Report> {
     serde_json::from_slice(&fs::read(path).ok()?).ok()
 }
 
+/// A text as a cell of a table: behind an apostrophe where a spreadsheet would take it for a formula.
+fn text_cell(text: &str) -> String {
+    if text.starts_with(['=', '+', '-', '@', '\t', '\r']) { format!("'{text}") } else { text.to_string() }
+}
+
 /// A value as a cell of a table: nothing for `null`, text without quotes.
 fn plain(value: &Value) -> String {
     match value {
         Value::Null => String::new(),
-        Value::String(text) => text.clone(),
+        Value::String(text) => text_cell(text),
         other => other.to_string(),
     }
 }
@@ -161,7 +166,8 @@ pub fn write_index(sweep: &Sweep, folder: &SweepFolder) -> Result<Tally, WriteEr
     let start = |row: &Row| [row.case.number.to_string(), row.case.id.clone(), row.state.name().to_string()];
     write_table(&folder.path().join("index.csv"), &head, &rows, |row| {
         let settings: Vec<String> = row.case.settings.iter().map(|one| plain(&serde_json::json!(one.value))).collect();
-        [&start(row)[..], &settings, &row.cells(&RESULTS), &[row.error.clone().unwrap_or_default()]].concat()
+        [&start(row)[..], &settings, &row.cells(&RESULTS), &[row.error.as_deref().map(text_cell).unwrap_or_default()]]
+            .concat()
     })?;
     let head = [&first[..], &names(&TIMES)].concat();
     write_table(&folder.path().join("timings.csv"), &head, &rows, |row| {

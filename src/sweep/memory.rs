@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use crate::cancel::Cancel;
 use crate::config::{DomainSource, MeshPlan, Plan};
-use crate::mesh::io::{read_surface, read_tets};
+use crate::mesh::io::{SolidFile, read_solid, read_surface};
 use crate::solid::{ExternalSettings, Refinement, ShellSettings, Surface};
 
 /// Bytes a tet: 3.4 to 3.8 kB were measured on meshes of 10,000 to 100,000 tets (results/bench.md).
@@ -26,8 +26,11 @@ pub(super) fn estimate(plan: &Plan) -> u64 {
 /// The number of tets of a case, as nearly as it is known without meshing; `None` if its input is at fault.
 fn tets(plan: &Plan) -> Option<f64> {
     let surface = match &plan.domain {
-        DomainSource::Mesh(path) => return Some(read_tets(path).ok()?.tets.len() as f64),
-        DomainSource::Surface(path) => Surface::from_soup(read_surface(path).ok()?).ok()?,
+        DomainSource::Mesh(path) => match read_solid(path).ok()? {
+            SolidFile::Tets(soup) => return Some(soup.tets.len() as f64),
+            SolidFile::Surface(soup) => Surface::from_soup(soup).ok()?,
+        },
+        DomainSource::Surface(path) => Surface::repaired(read_surface(path).ok()?, &plan.repair).ok()?,
         DomainSource::Solid(solid) => solid.surface().ok()?,
     };
     Some(match &plan.mesh {

@@ -182,3 +182,17 @@ fn a_cancelled_case_is_marked_and_computed_again() {
     assert_eq!(tally.done, 6);
     assert!(!folder.of_case(second, State::Incomplete).exists());
 }
+
+#[cfg(unix)]
+#[test]
+fn a_lock_never_follows_a_link() {
+    let folder = tempfile::tempdir().unwrap();
+    let sweep = folder::SweepFolder::new(folder.path().join("out"));
+    sweep.prepare().unwrap();
+    let precious = folder.path().join("precious");
+    fs::write(&precious, "kept").unwrap();
+    std::os::unix::fs::symlink(&precious, folder.path().join("out/cases/.a.lock")).unwrap();
+    assert!(sweep.take("a").unwrap_err().to_string().contains("a link or folder stands where the lock goes"));
+    assert_eq!(fs::read_to_string(&precious).unwrap(), "kept");
+    assert!(sweep.take("b").unwrap().is_some());
+}

@@ -32,7 +32,7 @@ pub fn check(folder: &Path) {
         }
         seen += 1;
     }
-    assert_eq!(seen, 36, "write.py and this test belong together");
+    assert_eq!(seen, 38, "write.py and this test belong together");
 }
 
 fn check_tets(path: &Path, name: &str) {

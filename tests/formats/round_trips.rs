@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use proptest::prelude::*;
-use qcball::mesh::io::{CellData, read_surface, read_tet_file, write_surface, write_tets};
-use qcball::mesh::{PolygonSoup, Vec3, VertexId};
+use qcball::mesh::io::{CellData, read_tet_file, write_tets};
+use qcball::mesh::{Vec3, VertexId};
 
 /// Formats with cell data; Medit, which has none, is tested beside them.
 const WITH_DATA: [&str; 6] = ["vtu", "vtk", "msh", "msh2", "node", "ELE"];
@@ -78,42 +78,6 @@ proptest! {
         prop_assert_eq!(again.soup.tets, tets);
         prop_assert_eq!(data_bits(&again.cell_data), data_bits(&data));
     }
-
-    #[test]
-    fn surfaces_come_back(points in points(12), polygons in prop::collection::vec(prop::collection::vec(0u32..12, 3..7), 1..20)) {
-        let folder = tempfile::tempdir().unwrap();
-        let polygons: Vec<Vec<VertexId>> =
-            polygons.into_iter().map(|polygon| polygon.into_iter().map(VertexId).collect()).collect();
-        let soup = PolygonSoup { points, polygons };
-        for ending in ["off", "ply", "obj"] {
-            let path = folder.path().join("a").with_extension(ending);
-            write_surface(&path, &soup).unwrap();
-            let found = read_surface(&path).unwrap();
-            if ending == "obj" {
-                // Equal points are one, 0 and -0 too, and points of no polygon are dropped.
-                prop_assert_eq!(corners(&found), corners(&soup));
-            } else {
-                prop_assert_eq!(bits(&found.points), bits(&soup.points));
-                prop_assert_eq!(found.polygons, soup.polygons.clone());
-            }
-        }
-    }
-
-    #[test]
-    fn stl_rounds_to_single_precision_and_makes_fans(points in prop::collection::vec(prop::array::uniform3(-1e6..1e6), 5)) {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.stl");
-        let points: Vec<Vec3> = points.into_iter().map(|p: [f64; 3]| p.into()).collect();
-        let polygon: Vec<VertexId> = (0..5).map(VertexId).collect();
-        write_surface(&path, &PolygonSoup { points: points.clone(), polygons: vec![polygon] }).unwrap();
-        let rounded = |v: usize| points[v].map(|x| f64::from(x as f32));
-        let expected = [[0, 1, 2], [0, 2, 3], [0, 3, 4]].map(|corners| corners.map(rounded).to_vec());
-        prop_assert_eq!(corners(&read_surface(&path).unwrap()), expected);
-    }
-}
-
-fn corners(soup: &PolygonSoup) -> Vec<Vec<Vec3>> {
-    soup.polygons.iter().map(|polygon| polygon.iter().map(|v| soup.points[v.index()]).collect()).collect()
 }
 
 #[test]
@@ -146,13 +110,5 @@ fn what_a_format_cannot_hold_is_refused() {
     assert!(refusal("a.vtk", &[("a\nb", 1.0)]).contains("control character"));
     assert!(refusal("a.msh", &[("a\"", 1.0)]).contains("quotation mark"));
     assert!(refusal("a.vtu", &[("K", 1.0), ("K", 2.0)]).contains("\"K\" of cell data occurs twice"));
-
-    let surface = |name: &str, points: Vec<Vec3>, corners: u32| {
-        let polygons = vec![(0..corners).map(VertexId).collect()];
-        write_surface(&at(name), &PolygonSoup { points, polygons }).unwrap_err().to_string()
-    };
-    assert!(surface("a.step", vec![], 0).contains("unknown file ending \"step\"; use one of .obj, .off, .ply, .stl"));
-    assert!(surface("a.stl", vec![Vec3::x() * 1e300; 3], 3).contains("single precision"));
-    assert!(surface("a.ply", vec![Vec3::x(); 256], 256).contains("255 corners"));
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "wrote something");
 }

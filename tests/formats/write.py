@@ -42,13 +42,13 @@ grid.point_data["height"] = points[:, 2]
 grid.field_data["year"] = np.array([2026])
 
 
-def xml(name, mode, compressed, wide, big_endian=False, base64=False, block=None):
+def xml(name, mode, compressed, wide, big_endian=False, base64=False, block=None, compressor="ZLib"):
     writer = vtkXMLUnstructuredGridWriter()
     writer.SetFileName(str(folder / f"vtk-{name}.vtu"))
     writer.SetInputData(grid)
     writer.SetDataMode({"ascii": 0, "binary": 1, "appended": 2}[mode])
     writer.SetEncodeAppendedData(base64)
-    (writer.SetCompressorTypeToZLib if compressed else writer.SetCompressorTypeToNone)()
+    getattr(writer, f"SetCompressorTypeTo{compressor if compressed else 'None'}")()
     (writer.SetHeaderTypeToUInt64 if wide else writer.SetHeaderTypeToUInt32)()
     (writer.SetByteOrderToBigEndian if big_endian else writer.SetByteOrderToLittleEndian)()
     if block:
@@ -60,6 +60,8 @@ xml("ascii", "ascii", False, False)
 xml("binary", "binary", False, True)
 xml("binary-zlib-big-endian", "binary", True, False, big_endian=True)
 xml("binary-zlib-blocks", "binary", True, False, block=48)
+xml("binary-lz4", "binary", True, False, compressor="LZ4")
+xml("appended-raw-lzma", "appended", True, True, compressor="LZMA", block=48)
 xml("appended-raw", "appended", False, True)
 xml("appended-raw-zlib", "appended", True, False)
 xml("appended-base64", "appended", False, False, base64=True)

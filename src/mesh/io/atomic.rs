@@ -81,10 +81,12 @@ fn replace(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> 
 /// # Errors
 /// The folder and the system's reason.
 pub fn check_folder_is_writable(folder: &Path) -> Result<(), WriteError> {
-    let mut existing = folder;
+    // An empty path is what the parent of a bare relative name is.
+    let mut existing = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     let found = loop {
         match fs::metadata(existing) {
-            // An empty path is what the parent of a bare relative name is.
+            // A link to nothing: no folder can be made in its place.
+            Err(_) if fs::symlink_metadata(existing).is_ok() => break Err(io::ErrorKind::AlreadyExists.into()),
             Err(error) if error.kind() == io::ErrorKind::NotFound => match existing.parent() {
                 Some(parent) if parent.as_os_str().is_empty() => existing = Path::new("."),
                 Some(parent) => existing = parent,
@@ -159,6 +161,7 @@ mod tests {
         }
         check_folder_is_writable(&folder.path().join("a/b/c")).unwrap();
         check_folder_is_writable(Path::new("not-there")).unwrap();
+        check_folder_is_writable(Path::new("")).unwrap();
         assert_eq!(names(folder.path()), ["file"]);
     }
 
@@ -173,6 +176,12 @@ mod tests {
         put(&link, "new").unwrap();
         assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
         assert_eq!(fs::read_to_string(&real).unwrap(), "new");
+        let dangling = folder.path().join("dangling");
+        std::os::unix::fs::symlink(folder.path().join("nothing"), &dangling).unwrap();
+        for below in [dangling.clone(), dangling.join("deep")] {
+            let message = check_folder_is_writable(&below).unwrap_err().to_string();
+            assert!(message.contains("a file stands where a folder is needed"), "{message}");
+        }
         fs::write(&plain, "").unwrap();
         let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode();
         assert_eq!(mode(&real), mode(&plain));

@@ -1,23 +1,43 @@
-//! Medit `.mesh`, ASCII: what TetGen, Gmsh, mmg and meshio read and write.
+//! Medit's meshes, `.mesh` in ASCII and `.meshb` in binary: what TetGen, Gmsh, mmg and meshio read and write.
 //!
-//! A file is a stream of tokens, laid out over lines as one likes: keyword, count, entries. Indices count from 1, every
-//! entry ends with a reference number, and `#` starts a comment.
+//! A text is a stream of tokens, laid out over lines as one likes: keyword, count, entries. Indices count from 1, every
+//! entry ends with a reference number (some writers leave all of them out), and `#` starts a comment.
+
+mod binary;
 
 use std::path::Path;
 
+use super::cells::{Cells, Contents, Shape};
 use super::tokens::{Fault, Token, Tokens};
-use super::{ReadError, TetFile, WriteError, write_atomically};
+use super::{ReadError, WriteError, write_atomically};
 use crate::mesh::{TetSoup, Vec3, VertexId};
 
-/// Sections of volume cells that are not tetrahedra: skipping them would quietly drop a part of the solid.
-const OTHER_CELLS: [&str; 4] = ["Hexahedra", "Prisms", "Pyramids", "Wedges"];
+/// The sections of cells: keyword, number in binary files, kind, and how many vertices an entry names.
+const CELLS: [(&str, i32, Shape, usize); 12] = [
+    ("Edges", 5, Shape::Other, 2),
+    ("Triangles", 6, Shape::Polygon(3), 3),
+    ("Quadrilaterals", 7, Shape::Polygon(4), 4),
+    ("Tetrahedra", 8, Shape::Tet, 4),
+    ("Prisms", 9, Shape::Prism, 6),
+    ("Hexahedra", 10, Shape::Hexahedron, 8),
+    ("TrianglesP2", 24, Shape::Polygon(3), 6),
+    ("QuadrilateralsQ2", 27, Shape::Polygon(4), 9),
+    ("TetrahedraP2", 30, Shape::Tet, 10),
+    ("HexahedraQ2", 33, Shape::Hexahedron, 27),
+    ("Pyramids", 49, Shape::Pyramid, 5),
+    ("EdgesP2", 25, Shape::Other, 3),
+];
+
+/// Sections of other volumes: skipping them would quietly drop a part of the solid.
+const OTHER_CELLS: [&str; 4] = ["Wedges", "PrismsP2", "PyramidsP2", "TetrahedraP3"];
 
 /// Reads the vertices and tetrahedra of a Medit file; surface and feature sections are skipped.
 ///
 /// # Errors
 /// The path, the line and what is wrong there.
 pub fn read_medit(path: &Path) -> Result<TetSoup, ReadError> {
-    super::read_tets_by(parse, path).map(|file| file.soup)
+    let contents = parse(&super::text::plain(path, super::read_bytes(path)?)?).map_err(super::at(path))?;
+    contents.into_tets().map(|file| file.soup).map_err(super::at(path))
 }
 
 /// Writes a Medit file; coordinates have 17 significant digits, so that reading gives the same bits.
@@ -39,11 +59,14 @@ pub fn write_medit(path: &Path, points: &[Vec3], tets: &[[VertexId; 4]]) -> Resu
 }
 
 /// A section's entries: how many, and the tokens from the first one on.
-#[derive(Clone)]
 struct Section<'a> {
     name: &'static str,
     count: usize,
     entries: Tokens<'a>,
+    /// How many numbers an entry has before its reference.
+    fields: usize,
+    /// How many tokens there are up to the next keyword.
+    tokens: usize,
 }
 
 impl<'a> Section<'a> {
@@ -60,15 +83,26 @@ impl<'a> Section<'a> {
             );
             return Err((Some(token.line), message));
         }
-        Ok(Self { name, count: count as usize, entries: tokens.clone() })
+        let entries = tokens.clone();
+        let mut there = 0;
+        while tokens.next_if(|token| !is_keyword(token) || is_non_finite(token)).is_some() {
+            there += 1;
+        }
+        Ok(Self { name, count: count as usize, entries, fields, tokens: there })
     }
 
-    /// Reads every entry with `read`, which is given a source of fields; then checks that nothing is left over.
-    fn read<T>(
+    /// Whether there are as many tokens as entries without references have.
+    fn lacks_references(&self) -> bool {
+        self.count == 0 || self.tokens == self.fields * self.count
+    }
+
+    /// Reads every entry with `read`, which is given a source of fields, and passes over its reference if there are
+    /// `references`; then checks that nothing is left over.
+    fn read(
         mut self,
-        read: impl Fn(&mut dyn FnMut() -> Result<Token<'a>, Fault>) -> Result<T, Fault>,
-    ) -> Result<Vec<T>, Fault> {
-        let mut all = Vec::with_capacity(self.count);
+        references: bool,
+        mut read: impl FnMut(&mut dyn FnMut() -> Result<Token<'a>, Fault>) -> Result<(), Fault>,
+    ) -> Result<(), Fault> {
         for number in 1..=self.count {
             let (name, count, entries) = (self.name, self.count, &mut self.entries);
             let mut field = || {
@@ -85,7 +119,11 @@ impl<'a> Section<'a> {
                 }
                 Ok(token)
             };
-            all.push(read(&mut field)?);
+            read(&mut field)?;
+            if references {
+                // Some writers give real numbers here; nothing of it is used.
+                field()?.parse::<f64>("the reference number that ends an entry", "a number")?;
+            }
         }
         match self.entries.next() {
             Some(token) if !is_keyword(token) => {
@@ -97,7 +135,7 @@ impl<'a> Section<'a> {
                 );
                 Err((Some(token.line), message))
             }
-            _ => Ok(all),
+            _ => Ok(()),
         }
     }
 }
@@ -108,7 +146,7 @@ fn is_keyword(token: Token) -> bool {
 
 /// `nan` and `inf` look like keywords, but deserve the message about coordinates.
 fn is_non_finite(token: Token) -> bool {
-    std::str::from_utf8(token.text).is_ok_and(|text| text.parse::<f64>().is_ok())
+    token.value::<f64>().is_some()
 }
 
 fn truncated(line: usize, section: &str, missing: &str) -> Fault {
@@ -118,62 +156,75 @@ fn truncated(line: usize, section: &str, missing: &str) -> Fault {
     )
 }
 
-pub(super) fn parse(bytes: &[u8]) -> Result<TetFile, Fault> {
-    let Sections { vertices, tetrahedra, skipped_cells } = find_sections(bytes)?;
-    let points = vertices.read(|field| {
-        let mut point = Vec3::zeros();
-        for x in &mut point {
+pub(super) fn parse(bytes: &[u8]) -> Result<Contents, Fault> {
+    if let Some(file) = binary::File::of(bytes) {
+        return file.read();
+    }
+    let Sections { vertices, cells: sections } = find_sections(bytes)?;
+    let references = !vertices.lacks_references() || !sections.iter().all(|(_, section)| section.lacks_references());
+    let mut coordinates = Vec::with_capacity(3 * vertices.count);
+    // Where a number stands that is not finite: one of a vertex that no tet names is of no account.
+    let mut not_finite: Vec<(usize, Token)> = Vec::new();
+    vertices.read(references, |field| {
+        for _ in 0..3 {
             let token = field()?;
-            *x = token.parse("a coordinate", "a number")?;
+            let x: f64 = token.parse("a coordinate", "a number")?;
             if !x.is_finite() {
-                let message = format!("a coordinate is {}; every coordinate must be finite", token.shown());
-                return Err((Some(token.line), message));
+                not_finite.push((coordinates.len() / 3, token));
             }
+            coordinates.push(x);
         }
-        reference(field()?)?;
-        Ok(point)
+        Ok(())
     })?;
-    let tets = tetrahedra.read(|field| {
-        let mut tet = [VertexId(0); 4];
-        for v in &mut tet {
-            let token = field()?;
-            let index: u64 = token.parse("a vertex index", "a whole number >= 1")?;
-            if index == 0 || index > points.len() as u64 {
-                let message = format!(
-                    "a tetrahedron names vertex {index}, but the vertices are 1 to {} (Medit counts from 1)",
-                    points.len()
-                );
-                return Err((Some(token.line), message));
+    let count = coordinates.len() / 3;
+    let mut named = vec![false; if not_finite.is_empty() { 0 } else { count }];
+    let mut cells = Cells::default();
+    for (shape, section) in sections {
+        if shape == Shape::Other {
+            cells.skip(section.count);
+            continue;
+        }
+        let mut vertices = vec![0; section.fields];
+        section.read(references, |field| {
+            for vertex in &mut vertices {
+                let token = field()?;
+                let index: u64 = token.parse("a vertex index", "a whole number >= 1")?;
+                if index == 0 || index > count as u64 {
+                    let message =
+                        format!("a cell names vertex {index}, but the vertices are 1 to {count} (Medit counts from 1)");
+                    return Err((Some(token.line), message));
+                }
+                *vertex = index as i64 - 1;
+                if let Some(named) = named.get_mut(index as usize - 1) {
+                    *named = true;
+                }
             }
-            *v = VertexId((index - 1) as u32);
-        }
-        reference(field()?)?;
-        Ok(tet)
-    })?;
-    Ok(TetFile { soup: TetSoup { points, tets }, cell_data: Vec::new(), point_vectors: Vec::new(), skipped_cells })
-}
-
-fn reference(token: Token) -> Result<f64, Fault> {
-    // Some writers give real numbers here; nothing of it is used.
-    token.parse("the reference number that ends an entry", "a number")
+            cells.push(shape, &vertices);
+            Ok(())
+        })?;
+    }
+    if let Some((_, token)) = not_finite.into_iter().find(|&(vertex, _)| named[vertex]) {
+        let message = format!("a coordinate is {}; every coordinate must be finite", token.shown());
+        return Err((Some(token.line), message));
+    }
+    cells.finish(coordinates, Vec::new())
 }
 
 /// What of a file is of interest.
 struct Sections<'a> {
     vertices: Section<'a>,
-    tetrahedra: Section<'a>,
-    skipped_cells: usize,
+    cells: Vec<(Shape, Section<'a>)>,
 }
 
-/// Walks over the keywords; the two sections of interest are read afterwards, since they may come in either order.
+/// Walks over the keywords; the sections of interest are read afterwards, since they may come in any order.
 fn find_sections(bytes: &[u8]) -> Result<Sections<'_>, Fault> {
     let mut tokens = Tokens::with_comments(bytes);
-    let (mut vertices, mut tetrahedra, mut skipped_cells) = (None, None, 0);
+    let (mut vertices, mut cells) = (None, Vec::<(Shape, Section)>::new());
     let mut first = true;
     while let Some(token) = tokens.next() {
         if std::mem::take(&mut first) && token.text != b"MeshVersionFormatted" {
             let message = format!(
-                "the file starts with {}, not with `MeshVersionFormatted`: it is not a Medit mesh in ASCII",
+                "the file starts with {}, not with `MeshVersionFormatted`: it is not a Medit mesh",
                 token.shown()
             );
             return Err((Some(token.line), message));
@@ -186,16 +237,23 @@ fn find_sections(bytes: &[u8]) -> Result<Sections<'_>, Fault> {
                     return Err((Some(dimension.line), message));
                 }
             }
-            b"Vertices" => open_once(&mut vertices, Section::open("Vertices", &mut tokens, token, 4)?, token)?,
-            b"Tetrahedra" => open_once(&mut tetrahedra, Section::open("Tetrahedra", &mut tokens, token, 5)?, token)?,
-            b"Triangles" | b"Edges" | b"Quadrilaterals" => {
-                let count: u32 = tokens.number("a count of cells", "a whole number >= 0")?;
-                skipped_cells += count as usize;
+            b"Vertices" => {
+                let section = Section::open("Vertices", &mut tokens, token, 3)?;
+                if vertices.replace(section).is_some() {
+                    return Err(second(token));
+                }
             }
             b"End" => break,
             name => {
                 if let Some(other) = OTHER_CELLS.iter().find(|other| other.as_bytes() == name) {
                     refuse_cells(other, token, &mut tokens)?;
+                }
+                if let Some(&(name, _, shape, fields)) = CELLS.iter().find(|cell| cell.0.as_bytes() == name) {
+                    let section = Section::open(name, &mut tokens, token, fields)?;
+                    if cells.iter().any(|(_, other)| other.name == name) {
+                        return Err(second(token));
+                    }
+                    cells.push((shape, section));
                 }
             }
         }
@@ -203,16 +261,14 @@ fn find_sections(bytes: &[u8]) -> Result<Sections<'_>, Fault> {
     let missing =
         |name: &str| (None, format!("there is no section `{name}`; is this a mesh of a solid in Medit's format?"));
     let vertices = vertices.ok_or_else(|| missing("Vertices"))?;
-    let tetrahedra = tetrahedra.ok_or_else(|| missing("Tetrahedra"))?;
-    Ok(Sections { vertices, tetrahedra, skipped_cells })
+    if cells.iter().all(|(shape, _)| *shape == Shape::Other) {
+        return Err(missing("Tetrahedra"));
+    }
+    Ok(Sections { vertices, cells })
 }
 
-fn open_once<'a>(slot: &mut Option<Section<'a>>, section: Section<'a>, keyword: Token) -> Result<(), Fault> {
-    if slot.is_some() {
-        return Err((Some(keyword.line), format!("a second section `{}`; join the two into one", section.name)));
-    }
-    *slot = Some(section);
-    Ok(())
+fn second(keyword: Token) -> Fault {
+    (Some(keyword.line), format!("a second section {}; join the two into one", keyword.shown()))
 }
 
 fn refuse_cells(name: &str, keyword: Token, tokens: &mut Tokens) -> Result<(), Fault> {

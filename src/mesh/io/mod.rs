@@ -4,6 +4,8 @@
 //! anything is allocated for it.
 
 mod atomic;
+mod cells;
+mod format;
 mod gmsh;
 mod medit;
 mod numbers;
@@ -13,29 +15,28 @@ mod ply;
 #[cfg(feature = "cli")]
 mod points;
 mod stl;
-mod tet_file;
 mod tetgen;
+mod text;
 mod tokens;
 mod vtk;
 mod write;
 
 pub use atomic::{WriteError, check_folder_is_writable, write_atomically};
+pub use cells::{CellData, TetFile};
+pub use format::{SurfaceFormat, TetFormat};
 pub use medit::{read_medit, write_medit};
 #[cfg(feature = "cli")]
 pub use points::{PointTable, check_points_can_be_written, read_points};
-pub use tet_file::{CellData, TetFile};
 pub use vtk::{DataArray, Values, write_hexahedra_vtu, write_points_vtu, write_surface_vtu, write_vtu};
-pub use write::{check_tets_can_be_written, write_surface, write_tets};
+pub use write::{check_tets_can_be_written, write_tets};
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use super::{PolygonSoup, TetSoup, Vec3, VertexId};
-
-/// The endings [`read_surface`] knows.
-const SURFACE_ENDINGS: &str = ".obj, .off, .ply, .stl";
-/// The endings [`read_tets`] knows.
-const TET_ENDINGS: &str = ".mesh (Medit in ASCII), .vtu, .vtk, .msh (Gmsh 4.1 or 2.2), .node or .ele (TetGen)";
+use cells::Contents;
+use format::{ending_of, surface_endings, tet_endings};
+use tokens::Fault;
 
 /// Why a file could not be read.
 ///
@@ -64,9 +65,8 @@ pub enum ReadError {
     },
     /// The ending tells no format that is read here.
     #[error(
-        "{}: unknown file ending \"{ending}\" for a {wanted}; surfaces are read from {SURFACE_ENDINGS}, meshes of tets from \
-         {TET_ENDINGS}",
-        path.display()
+        "{}: unknown file ending \"{ending}\" for a {wanted}; surfaces are read from {}, meshes of tets from {}",
+        path.display(), surface_endings(), tet_endings()
     )]
     UnknownEnding {
         /// The file.
@@ -136,23 +136,53 @@ fn place(path: &Path, line: Option<usize>) -> String {
     }
 }
 
-/// Reads a surface; the file's ending (in any case) tells the format: OBJ, OFF, PLY or STL.
+/// What a file of a solid holds.
+#[derive(Clone, Debug, PartialEq)]
+pub enum SolidFile {
+    /// The polygons of its surface.
+    Surface(PolygonSoup),
+    /// Tets that fill it.
+    Tets(TetSoup),
+}
+
+/// Reads a solid, as a surface or as tets: a file of cells that has polygons and no volumes holds a surface.
 ///
-/// Polygons keep the file's order. Points are those of the file except that OBJ and STL points with equal coordinates
-/// become one, since these formats (or their usual writers) repeat a point for each face or texture seam.
+/// # Errors
+/// [`ReadError`], with the path and, where the format allows it, the line or the element.
+pub fn read_solid(path: &Path) -> Result<SolidFile, ReadError> {
+    match TetFormat::of(path) {
+        None => read_surface(path).map(SolidFile::Surface),
+        Some(format) => {
+            let contents = read_cells(path, format)?;
+            if contents.is_surface() {
+                contents.into_surface().map(SolidFile::Surface).map_err(at(path))
+            } else {
+                Ok(SolidFile::Tets(contents.tets.soup))
+            }
+        }
+    }
+}
+
+/// Reads a surface; the file's ending (in any case) tells the format: OBJ, OFF, PLY, STL, VTP, or one that cells are read
+/// from, which then has to hold polygons and no volumes.
+///
+/// Polygons keep the file's order and are not checked but for their indices. Points are those of the file except that OBJ
+/// and STL points with equal coordinates become one, since these formats (or their usual writers) repeat a point for each
+/// face or texture seam.
 ///
 /// # Errors
 /// [`ReadError`], with the path and, where the format allows it, the line or the element.
 pub fn read_surface(path: &Path) -> Result<PolygonSoup, ReadError> {
-    let ending = ending_of(path);
-    let reader = match ending.as_str() {
-        "obj" => obj::read,
-        "off" => off::read,
-        "ply" => ply::read,
-        "stl" => stl::read,
-        _ => return Err(ReadError::UnknownEnding { path: path.into(), ending, wanted: "surface" }),
-    };
-    reader(path, &read_bytes(path)?)
+    let text = || text::plain(path, read_bytes(path)?);
+    match (SurfaceFormat::of(path), TetFormat::of(path)) {
+        (Some(SurfaceFormat::Obj), _) => obj::read(path, &text()?),
+        (Some(SurfaceFormat::Off), _) => off::read(path, &text()?),
+        (Some(SurfaceFormat::Ply), _) => ply::read(path, &text()?),
+        (Some(SurfaceFormat::Stl), _) => stl::read(path, read_bytes(path)?),
+        (Some(SurfaceFormat::Vtp), _) => vtk::parse_xml(&text()?).and_then(Contents::into_surface).map_err(at(path)),
+        (None, Some(format)) => read_cells(path, format)?.into_surface().map_err(at(path)),
+        (None, None) => Err(unknown(path, "surface")),
+    }
 }
 
 /// Reads a tetrahedral mesh; the file's ending (in any case) tells the format: Medit, VTU, legacy VTK, Gmsh or TetGen.
@@ -165,39 +195,36 @@ pub fn read_tets(path: &Path) -> Result<TetSoup, ReadError> {
 
 /// Reads a tetrahedral mesh like [`read_tets`], and the scalars that the file gives on its cells.
 ///
-/// Tets keep the file's order and orientation. Cells of lower dimension are skipped and counted; other volumes, which
-/// cannot be skipped without a hole, are refused, and so are tets of higher order.
+/// Tets keep the file's order and orientation. Cells of lower dimension are skipped and counted. Tets of higher order are
+/// read as linear ones, hexahedra, prisms and pyramids split into tets, with a note; other volumes, which cannot be skipped
+/// without a hole, are refused.
 ///
 /// # Errors
 /// [`ReadError`], with the path and, where the format allows it, the line.
 pub fn read_tet_file(path: &Path) -> Result<TetFile, ReadError> {
-    match ending_of(path).as_str() {
-        "mesh" => read_tets_by(medit::parse, path),
-        "vtu" => read_tets_by(vtk::parse_xml, path),
-        "vtk" => read_tets_by(vtk::parse_legacy, path),
-        "msh" | "msh2" | "msh22" | "msh4" | "msh41" => read_tets_by(gmsh::parse, path),
-        "node" | "ele" => tetgen::read(path),
-        ending => Err(ReadError::UnknownEnding { path: path.into(), ending: ending.into(), wanted: "mesh of tets" }),
+    let format = TetFormat::of(path).ok_or_else(|| unknown(path, "mesh of tets"))?;
+    read_cells(path, format)?.into_tets().map_err(at(path))
+}
+
+fn read_cells(path: &Path, format: TetFormat) -> Result<Contents, ReadError> {
+    let text = || text::plain(path, read_bytes(path)?);
+    match format {
+        TetFormat::Medit | TetFormat::MeditBinary => medit::parse(&text()?).map_err(at(path)),
+        TetFormat::Vtu => vtk::parse_xml(&text()?).map_err(at(path)),
+        TetFormat::Pvtu => vtk::read_pieces(path, &text()?),
+        TetFormat::Vtk => vtk::parse_legacy(&text()?).map_err(at(path)),
+        TetFormat::Gmsh | TetFormat::Gmsh2 => gmsh::parse(&text()?).map_err(at(path)),
+        TetFormat::TetGen => tetgen::read(path),
     }
 }
 
-fn read_tets_by(parse: fn(&[u8]) -> Result<TetFile, tokens::Fault>, path: &Path) -> Result<TetFile, ReadError> {
-    parse(&read_bytes(path)?).map_err(|(line, message)| ReadError::Malformed { path: path.into(), line, message })
+/// A fault as an error of the file.
+fn at(path: &Path) -> impl Fn(Fault) -> ReadError {
+    move |(line, message)| ReadError::Malformed { path: path.into(), line, message }
 }
 
-/// Whether a file's ending is that of a surface format; any other is taken for a mesh's.
-pub fn holds_a_surface(path: &Path) -> bool {
-    SURFACE_ENDINGS.split(", ").any(|known| known[1..] == ending_of(path))
-}
-
-/// Whether a file's ending is that of a format that tets are read from.
-pub fn holds_tets(path: &Path) -> bool {
-    ["mesh", "vtu", "vtk", "msh", "msh2", "msh22", "msh4", "msh41", "node", "ele"].contains(&&*ending_of(path))
-}
-
-/// The file's ending in lower case, without the dot; empty if there is none.
-fn ending_of(path: &Path) -> String {
-    path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default()
+fn unknown(path: &Path, wanted: &'static str) -> ReadError {
+    ReadError::UnknownEnding { path: path.into(), ending: ending_of(path), wanted }
 }
 
 /// The whole file; a directory or an empty file is refused.
@@ -233,6 +260,30 @@ impl Weld {
 /// The first vertex with a NaN or infinite coordinate.
 fn first_not_finite(points: &[Vec3]) -> Option<usize> {
     points.iter().position(|point| !point.iter().all(|x| x.is_finite()))
+}
+
+/// Vertices with a NaN or infinite coordinate and their lines: a fault only where something names one.
+#[derive(Default)]
+struct NotFinite(Vec<(usize, Option<usize>)>);
+
+impl NotFinite {
+    fn check(&mut self, vertex: usize, point: &Vec3, line: Option<usize>) {
+        if !point.iter().all(|x| x.is_finite()) {
+            self.0.push((vertex, line));
+        }
+    }
+
+    /// Fails with the first of them that is named.
+    fn refuse<'a>(&self, path: &Path, named: impl Iterator<Item = &'a VertexId>) -> Result<(), ReadError> {
+        if self.0.is_empty() {
+            return Ok(());
+        }
+        let named: HashSet<usize> = named.map(|v| v.index()).collect();
+        match self.0.iter().find(|(vertex, _)| named.contains(vertex)) {
+            Some(&(vertex, line)) => Err(ReadError::NotFinite { path: path.into(), line, vertex }),
+            None => Ok(()),
+        }
+    }
 }
 
 #[cfg(test)]

@@ -1,63 +1,55 @@
-//! Stanford PLY surfaces, text or binary, by ply-rs.
+//! Stanford PLY surfaces, text or binary.
+//!
+//! Read by ourselves: of the values of an element nothing is wanted but positions and indices, whatever the others hold
+//! (NaN, numbers in the wrong form, lists of any length), and triangle strips are faces too.
 
 use std::path::Path;
 
-use ply_rs::parser::Parser;
-use ply_rs::ply::{ElementDef, Encoding, Property, PropertyAccess};
-
-use super::{ReadError, WriteError, write_atomically};
+use super::cells::triangles_of_strip;
+use super::numbers::{Encoding, Kind};
+use super::tokens::{Fault, Tokens};
+use super::{NotFinite, ReadError};
 use crate::mesh::{PolygonSoup, Vec3, VertexId};
 
-/// Reads `x y z` of the element `vertex` and the list `vertex_indices` (or `vertex_index`) of the element `face`.
+/// Reads `x y z` of the element `vertex`, the list `vertex_indices` (or `vertex_index`) of the element `face`, and the strips
+/// of the element `tristrips`.
 pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<PolygonSoup, ReadError> {
-    let malformed = |line, message: String| ReadError::Malformed { path: path.into(), line, message };
-    let header_lines = check_header(bytes).map_err(|(line, message)| malformed(Some(line), message))?;
-    let parser = Parser::<Element>::new();
-    let mut rest = bytes;
-    let header = parser.read_header(&mut rest).map_err(|error| malformed(None, one_line(&error)))?;
-
-    let mut source = Source { parser, encoding: header.encoding, rest, line: header_lines };
-    let (mut points, mut polygons) = (Vec::new(), Vec::new());
-    for (name, definition) in header.elements.iter().filter(|(_, definition)| !definition.properties.is_empty()) {
+    let malformed = |(line, message)| ReadError::Malformed { path: path.into(), line, message };
+    let header = Header::read(bytes).map_err(malformed)?;
+    let mut body = Body { tokens: Tokens::starting_at(header.rest, header.lines + 1), encoding: header.encoding };
+    let (mut points, mut faces, mut not_finite) = (Vec::new(), Vec::new(), NotFinite::default());
+    for element in header.elements.iter().filter(|element| !element.properties.is_empty()) {
+        let wanted = element.wanted().map_err(|message| malformed((None, message)))?;
         // No capacity from the header: it may promise anything. Each element takes a byte at least, so this ends.
-        for index in 0..definition.count {
-            if source.at_end() {
-                let message = format!("the header promises {} of {name}, {index} are there", definition.count);
-                return Err(ReadError::Truncated { path: path.into(), line: source.line(), message });
+        for index in 0..element.count {
+            if body.at_end() {
+                let message = format!("the header promises {} of {}, {index} are there", element.count, element.name);
+                return Err(ReadError::Truncated { path: path.into(), line: body.line(), message });
             }
-            let element = match source.next(definition) {
-                Ok(element) => element,
-                Err(message) => {
-                    return Err(malformed(source.line(), format!("{name} {index} (counted from 0): {message}")));
+            let values = body.element(element, &wanted).map_err(|(line, message)| {
+                let line = line.filter(|_| header.encoding == Encoding::Text);
+                malformed((line, format!("{} {index} (counted from 0): {message}", element.name)))
+            })?;
+            let line = body.line();
+            body.end_element();
+            match wanted {
+                Wanted::Position(_) => {
+                    let point = Vec3::from_column_slice(&values.position);
+                    not_finite.check(index as usize, &point, line);
+                    points.push(point);
                 }
-            };
-            match name.as_str() {
-                "vertex" => {
-                    let [Some(x), Some(y), Some(z)] = element.position else {
-                        return Err(malformed(None, "the element vertex lacks one of the properties x, y, z".into()));
-                    };
-                    if ![x, y, z].iter().all(|x| x.is_finite()) {
-                        return Err(ReadError::NotFinite { path: path.into(), line: source.line(), vertex: index });
-                    }
-                    points.push(Vec3::new(x, y, z));
+                Wanted::Indices(_) if element.name == "tristrips" => {
+                    // The strips are parted by -1.
+                    let strips = values.indices.split(|&index| index == -1);
+                    faces.extend(strips.flat_map(triangles_of_strip).map(|face| (line, face)));
                 }
-                "face" => {
-                    let Some(indices) = element.indices else {
-                        let message = "the element face lacks the property list vertex_indices".into();
-                        return Err(malformed(None, message));
-                    };
-                    if indices.len() < 3 {
-                        let message = format!("face {index} (counted from 0) has fewer than three vertices");
-                        return Err(malformed(source.line(), message));
-                    }
-                    polygons.push((source.line(), indices));
-                }
-                _ => {}
+                Wanted::Indices(_) => faces.push((line, values.indices)),
+                Wanted::Nothing => {}
             }
         }
     }
-    if polygons.is_empty() {
-        return Err(malformed(None, "the file has no faces".into()));
+    if faces.is_empty() {
+        return Err(malformed((None, "the file has no faces".into())));
     }
     // Faces may come before vertices, so their indices are checked last.
     let check = |(face, (line, indices)): (usize, (Option<usize>, Vec<i64>))| {
@@ -73,171 +65,224 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<PolygonSoup, ReadError> 
             first: 0,
         })
     };
-    let polygons = polygons.into_iter().enumerate().map(check).collect::<Result<_, _>>()?;
-    Ok(PolygonSoup { points, polygons })
+    let polygons: Vec<Vec<VertexId>> = faces.into_iter().enumerate().map(check).collect::<Result<_, _>>()?;
+    not_finite.refuse(path, polygons.iter().flatten())?;
+    Ok(PolygonSoup::new(points, polygons))
 }
 
-/// Writes a binary PLY file in double precision.
-pub(super) fn write(path: &Path, soup: &PolygonSoup) -> Result<(), WriteError> {
-    if soup.polygons.iter().any(|polygon| polygon.len() > usize::from(u8::MAX)) {
-        return Err(WriteError::refused(path, "a polygon has more than 255 corners", "split it, or use .obj or .off"));
-    }
-    write_atomically(path, |file| {
-        writeln!(file, "ply\nformat binary_little_endian 1.0\nelement vertex {}", soup.points.len())?;
-        writeln!(file, "property double x\nproperty double y\nproperty double z")?;
-        writeln!(file, "element face {}\nproperty list uchar uint vertex_indices\nend_header", soup.polygons.len())?;
-        soup.points.iter().flatten().try_for_each(|x| file.write_all(&x.to_le_bytes()))?;
-        for polygon in &soup.polygons {
-            file.write_all(&[polygon.len() as u8])?;
-            polygon.iter().try_for_each(|v| file.write_all(&v.0.to_le_bytes()))?;
-        }
-        Ok(())
-    })
-}
-
-/// Refuses what ply-rs would panic on (a number in the header that may exceed 64 bits); returns how many lines the header has.
-fn check_header(bytes: &[u8]) -> Result<usize, (usize, String)> {
-    for (index, line) in bytes.split(|&byte| byte == b'\n').enumerate() {
-        let number = index + 1;
-        let line = String::from_utf8_lossy(line);
-        let line = line.trim();
-        if number == 1 && line != "ply" {
-            return Err((1, "the first line must be \"ply\"".into()));
-        }
-        if line == "end_header" {
-            return Ok(number);
-        }
-        let too_long = |digits: &str| digits.len() > 19;
-        if !line.starts_with("comment")
-            && !line.starts_with("obj_info")
-            && line.split(|c: char| !c.is_ascii_digit()).any(too_long)
-        {
-            return Err((number, format!("absurd number in \"{}\"", excerpt(line))));
-        }
-    }
-    Err((1, "no line \"end_header\"".into()))
-}
-
-fn excerpt(line: &str) -> String {
-    line.chars().take(60).collect()
-}
-
-/// ply-rs spreads its messages over several indented lines.
-fn one_line(error: &dyn std::fmt::Display) -> String {
-    excerpt_words(&error.to_string())
-}
-
-fn excerpt_words(text: &str) -> String {
-    text.split_whitespace().collect::<Vec<_>>().join(" ").chars().take(300).collect()
-}
-
-/// The bytes after the header, taken element by element so that an error can name its line or element.
-struct Source<'a> {
-    parser: Parser<Element>,
+/// What the file says of itself.
+struct Header<'a> {
     encoding: Encoding,
+    elements: Vec<Element>,
+    /// How many lines it has.
+    lines: usize,
+    /// The bytes after it.
     rest: &'a [u8],
-    /// Lines read so far; meaningful for text files.
-    line: usize,
 }
 
-impl Source<'_> {
-    fn line(&self) -> Option<usize> {
-        (self.encoding == Encoding::Ascii).then_some(self.line)
+struct Element {
+    name: String,
+    count: u64,
+    properties: Vec<Property>,
+}
+
+struct Property {
+    name: String,
+    /// The type of a list's length; none for one value.
+    length: Option<Kind>,
+    kind: Kind,
+}
+
+/// What of an element is wanted, by the places of its properties.
+enum Wanted {
+    Position([usize; 3]),
+    Indices(usize),
+    Nothing,
+}
+
+impl<'a> Header<'a> {
+    fn read(bytes: &'a [u8]) -> Result<Self, Fault> {
+        let mut header = Self { encoding: Encoding::Text, elements: Vec::new(), lines: 0, rest: bytes };
+        loop {
+            let Some(line) = header.next_line() else {
+                return Err((Some(1), "no line \"end_header\"".into()));
+            };
+            let here = |message: String| (Some(header.lines), message);
+            let line = String::from_utf8_lossy(line);
+            let words: Vec<&str> = line.split_whitespace().collect();
+            if header.lines == 1 {
+                if words != ["ply"] {
+                    return Err(here("the first line must be \"ply\"".into()));
+                }
+                continue;
+            }
+            match words.as_slice() {
+                ["end_header"] => return Ok(header),
+                ["format", format, ..] => {
+                    header.encoding = match *format {
+                        "ascii" => Encoding::Text,
+                        "binary_little_endian" => Encoding::LittleEndian,
+                        "binary_big_endian" => Encoding::BigEndian,
+                        _ => return Err(here(format!("the format \"{}\" is not known", super::text::shown(format)))),
+                    }
+                }
+                ["element", name, count] => {
+                    let count = count
+                        .parse()
+                        .map_err(|_| here(format!("absurd number in \"{}\"", super::text::shown(&line))))?;
+                    header.elements.push(Element { name: (*name).into(), count, properties: Vec::new() });
+                }
+                ["property", words @ ..] => {
+                    let property = Property::of(words)
+                        .ok_or_else(|| here(format!("\"{}\" is no property of PLY", super::text::shown(&line))))?;
+                    let message = "a property stands before the first element".into();
+                    header.elements.last_mut().ok_or((Some(header.lines), message))?.properties.push(property);
+                }
+                [] | ["comment" | "obj_info", ..] => {}
+                _ => {
+                    return Err(here(format!(
+                        "\"{}\" is no line of a PLY header, and stands before \"end_header\"",
+                        super::text::shown(&line)
+                    )));
+                }
+            }
+        }
     }
 
-    /// Whether nothing is left, blank lines of a text file apart.
+    /// The next line, ended by `\n`, `\r\n` or (on old machines) `\r`.
+    fn next_line(&mut self) -> Option<&'a [u8]> {
+        let end = self.rest.iter().position(|byte| matches!(byte, b'\n' | b'\r'))?;
+        let (line, rest) = self.rest.split_at(end);
+        self.rest = rest.strip_prefix(b"\r\n").unwrap_or(&rest[1..]);
+        self.lines += 1;
+        Some(line)
+    }
+}
+
+impl Property {
+    fn of(words: &[&str]) -> Option<Self> {
+        let (length, kind, name) = match *words {
+            ["list", length, kind, name] => (Some(Self::kind(length)?), kind, name),
+            [kind, name] => (None, kind, name),
+            _ => return None,
+        };
+        Some(Self { name: name.into(), length, kind: Self::kind(kind)? })
+    }
+
+    fn kind(name: &str) -> Option<Kind> {
+        Some(match name {
+            "char" | "int8" => Kind::Int8,
+            "uchar" | "uint8" => Kind::UInt8,
+            "short" | "int16" => Kind::Int16,
+            "ushort" | "uint16" => Kind::UInt16,
+            "int" | "int32" => Kind::Int32,
+            "uint" | "uint32" => Kind::UInt32,
+            "float" | "float32" => Kind::Float32,
+            "double" | "float64" => Kind::Float64,
+            _ => return None,
+        })
+    }
+}
+
+impl Element {
+    fn wanted(&self) -> Result<Wanted, String> {
+        let place = |name: &str| self.properties.iter().position(|property| property.name == name);
+        match self.name.as_str() {
+            "vertex" => {
+                match ["x", "y", "z"].map(|name| place(name).filter(|&at| self.properties[at].length.is_none())) {
+                    [Some(x), Some(y), Some(z)] => Ok(Wanted::Position([x, y, z])),
+                    _ => Err("the element vertex lacks one of the properties x, y, z".into()),
+                }
+            }
+            "face" | "tristrips" => {
+                let list = place("vertex_indices").or_else(|| place("vertex_index"));
+                let list = list.filter(|&at| {
+                    let Property { length, kind, .. } = self.properties[at];
+                    length.is_some() && !matches!(kind, Kind::Float32 | Kind::Float64)
+                });
+                list.map(Wanted::Indices)
+                    .ok_or_else(|| format!("the element {} lacks the property list vertex_indices", self.name))
+            }
+            _ => Ok(Wanted::Nothing),
+        }
+    }
+}
+
+/// What is kept of an element.
+#[derive(Default)]
+struct Values {
+    position: [f64; 3],
+    indices: Vec<i64>,
+}
+
+/// The bytes after the header.
+struct Body<'a> {
+    tokens: Tokens<'a>,
+    encoding: Encoding,
+}
+
+impl Body<'_> {
+    /// The line, in a text.
+    fn line(&self) -> Option<usize> {
+        (self.encoding == Encoding::Text).then(|| self.tokens.last_line())
+    }
+
     fn at_end(&self) -> bool {
         match self.encoding {
-            Encoding::Ascii => self.rest.iter().all(u8::is_ascii_whitespace),
-            _ => self.rest.is_empty(),
+            Encoding::Text => self.tokens.clone().next().is_none(),
+            _ => self.tokens.left() == 0,
         }
     }
 
-    fn next(&mut self, definition: &ElementDef) -> Result<Element, String> {
-        let result = match self.encoding {
-            Encoding::Ascii => {
-                let line = self.next_line();
-                self.parser.read_ascii_element(&plain_numbers(&line)?, definition)
+    /// What stands on an element's line behind its values is passed over.
+    fn end_element(&mut self) {
+        if self.encoding == Encoding::Text {
+            self.tokens.rest_of_line();
+        }
+    }
+
+    fn element(&mut self, element: &Element, wanted: &Wanted) -> Result<Values, Fault> {
+        let mut values = Values::default();
+        for (place, property) in element.properties.iter().enumerate() {
+            let count = match property.length {
+                Some(kind) => self.length(kind)?,
+                None => 1,
+            };
+            match wanted {
+                Wanted::Position(places) if places.contains(&place) => {
+                    let number = property.kind.read(&mut self.tokens, self.encoding, 1, "a coordinate")?.into_floats();
+                    let number = match property.kind {
+                        // As many digits as the property has, however many are written.
+                        Kind::Float32 => f64::from(number[0] as f32),
+                        _ => number[0],
+                    };
+                    for (axis, _) in places.iter().enumerate().filter(|&(_, &at)| at == place) {
+                        values.position[axis] = number;
+                    }
+                }
+                Wanted::Indices(at) if *at == place => {
+                    let numbers = property.kind.read(&mut self.tokens, self.encoding, count, "a list of vertices")?;
+                    values.indices = numbers.into_integers().expect("lists of floats are refused");
+                }
+                _ => self.pass(property.kind, count)?,
             }
-            Encoding::BinaryBigEndian => self.parser.read_big_endian_element(&mut self.rest, definition),
-            Encoding::BinaryLittleEndian => self.parser.read_little_endian_element(&mut self.rest, definition),
-        };
-        result.map_err(|error| one_line(&error))
-    }
-
-    /// The next line that is not blank; [`Source::at_end`] has told that there is one.
-    fn next_line(&mut self) -> String {
-        loop {
-            let end = self.rest.iter().position(|&byte| byte == b'\n').unwrap_or(self.rest.len());
-            let line = String::from_utf8_lossy(&self.rest[..end]).trim().to_owned();
-            self.rest = self.rest.get(end + 1..).unwrap_or_default();
-            self.line += 1;
-            if !line.is_empty() || self.rest.is_empty() {
-                return line;
-            }
         }
-    }
-}
-
-/// Rewrites numbers that ply-rs does not know (`.5`, `1.`, `1E3`) as equal ones that it does, and names what is none.
-fn plain_numbers(line: &str) -> Result<String, String> {
-    let plain = |word: &str| match (word.parse::<i64>(), word.parse::<f64>()) {
-        (Ok(_), _) => Ok(word.to_owned()),
-        (_, Ok(value)) if value.is_finite() => Ok(format!("{value:?}")),
-        (_, Ok(_)) => Err(format!("\"{}\" is not finite", excerpt(word))),
-        _ => Err(format!("\"{}\" is not a number", excerpt(word))),
-    };
-    Ok(line.split_whitespace().map(plain).collect::<Result<Vec<_>, _>>()?.join(" "))
-}
-
-/// What is kept of a vertex or a face.
-#[derive(Default)]
-struct Element {
-    position: [Option<f64>; 3],
-    indices: Option<Vec<i64>>,
-}
-
-impl PropertyAccess for Element {
-    fn new() -> Self {
-        Self::default()
+        Ok(values)
     }
 
-    fn set_property(&mut self, name: String, property: Property) {
-        match name.as_str() {
-            "x" => self.position[0] = scalar(&property),
-            "y" => self.position[1] = scalar(&property),
-            "z" => self.position[2] = scalar(&property),
-            "vertex_indices" | "vertex_index" => self.indices = integers(property),
-            _ => {}
+    fn length(&mut self, kind: Kind) -> Result<u64, Fault> {
+        let number = kind.read(&mut self.tokens, self.encoding, 1, "the length of a list")?.into_floats()[0];
+        // A whole number below 2^53, or too many for any file.
+        if number >= 0.0 { Ok(number as u64) } else { Err((self.line(), format!("the length of a list is {number}"))) }
+    }
+
+    /// Passes over values, whatever they are.
+    fn pass(&mut self, kind: Kind, count: u64) -> Result<(), Fault> {
+        if self.encoding == Encoding::Text {
+            return (0..count).try_for_each(|_| self.tokens.expect("a value").map(|_| ()));
         }
-    }
-}
-
-fn scalar(property: &Property) -> Option<f64> {
-    match *property {
-        Property::Char(value) => Some(value.into()),
-        Property::UChar(value) => Some(value.into()),
-        Property::Short(value) => Some(value.into()),
-        Property::UShort(value) => Some(value.into()),
-        Property::Int(value) => Some(value.into()),
-        Property::UInt(value) => Some(value.into()),
-        Property::Float(value) => Some(value.into()),
-        Property::Double(value) => Some(value),
-        _ => None,
-    }
-}
-
-fn integers(property: Property) -> Option<Vec<i64>> {
-    fn widen<T: Into<i64>>(values: Vec<T>) -> Option<Vec<i64>> {
-        Some(values.into_iter().map(Into::into).collect())
-    }
-    match property {
-        Property::ListChar(values) => widen(values),
-        Property::ListUChar(values) => widen(values),
-        Property::ListShort(values) => widen(values),
-        Property::ListUShort(values) => widen(values),
-        Property::ListInt(values) => widen(values),
-        Property::ListUInt(values) => widen(values),
-        _ => None,
+        let size = usize::try_from(count).ok().and_then(|count| count.checked_mul(kind.size()));
+        let size = size.ok_or_else(|| (None, format!("a list of {count} values is longer than the file")))?;
+        self.tokens.bytes(size, "the values of an element").map(|_| ())
     }
 }

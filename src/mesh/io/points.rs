@@ -3,8 +3,9 @@
 use std::io;
 use std::path::Path;
 
+use super::format::ending_of;
 use super::vtk::{DataArray, write_points_vtu, write_vtu};
-use super::{ReadError, WriteError, ending_of, holds_a_surface, read_surface, read_tets, write_atomically};
+use super::{ReadError, SolidFile, WriteError, read_bytes, read_solid, text, write_atomically};
 use crate::mesh::{Vec3, VertexId};
 
 const USE_POINT_ENDING: &str = "use .csv or .vtu";
@@ -23,7 +24,7 @@ pub struct PointTable {
 }
 
 /// Reads points: the columns x, y and z of a `.csv` file, whose first line names its columns, or all points of a mesh or surface
-/// in any format of [`read_tets`] and [`super::read_surface`], in the order of the file.
+/// in any format of [`super::read_tets`] and [`super::read_surface`], in the order of the file.
 ///
 /// # Errors
 /// [`ReadError`], with the path and, where the format allows it, the line.
@@ -31,12 +32,14 @@ pub fn read_points(path: &Path) -> Result<PointTable, ReadError> {
     if ending_of(path) == "csv" {
         return read_csv(path);
     }
-    let (points, tets) = if holds_a_surface(path) {
-        (read_surface(path)?.points, Vec::new())
-    } else {
-        let soup = read_tets(path)?;
-        (soup.points, soup.tets)
+    let (points, tets) = match read_solid(path)? {
+        SolidFile::Surface(soup) => (soup.points, Vec::new()),
+        SolidFile::Tets(soup) => (soup.points, soup.tets),
     };
+    // Here one counts that no polygon or tet names.
+    if let Some(vertex) = super::first_not_finite(&points) {
+        return Err(ReadError::NotFinite { path: path.into(), line: None, vertex });
+    }
     let rows = points.iter().map(|point| point.iter().map(f64::to_string).collect()).collect();
     Ok(PointTable { points, tets, header: ["x", "y", "z"].map(String::from).to_vec(), rows })
 }
@@ -54,7 +57,8 @@ fn read_csv(path: &Path) -> Result<PointTable, ReadError> {
             other => malformed(line, format!("it is no CSV: {other:?}")),
         }
     };
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(path).map_err(broken)?;
+    let text = text::plain(path, read_bytes(path)?)?;
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_slice());
     let header: Vec<String> = reader.headers().map_err(broken)?.iter().map(String::from).collect();
     let column = |name: &str| {
         header.iter().position(|column| column.eq_ignore_ascii_case(name)).ok_or_else(|| {

@@ -1,10 +1,13 @@
-//! STL surfaces, text or binary, by stl_io.
+//! STL surfaces, text or binary.
+//!
+//! Read by ourselves: what people have differs from the format in its keywords' case, blank and missing lines, counts and
+//! normals, which a strict reader refuses.
 
-use std::borrow::Cow;
-use std::io::Cursor;
 use std::path::Path;
 
-use super::{ReadError, Weld, WriteError, write_atomically};
+use super::text;
+use super::tokens::{Token, Tokens};
+use super::{ReadError, Weld};
 use crate::mesh::{PolygonSoup, Vec3, VertexId};
 
 /// Bytes before the triangles of a binary file: 80 of free text and a 32-bit count.
@@ -13,116 +16,147 @@ const BINARY_HEADER: usize = 84;
 const BINARY_TRIANGLE: usize = 50;
 
 /// Reads an STL file; corners with equal coordinates (of its single precision) become one vertex, normals are ignored.
-pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<PolygonSoup, ReadError> {
-    if promised_triangles(bytes)
-        == Some((bytes.len() as u64).saturating_sub(BINARY_HEADER as u64) / BINARY_TRIANGLE as u64)
-        || !bytes.starts_with(b"solid")
-    {
-        read_binary(path, bytes)
-    } else {
-        read_text(path, &String::from_utf8_lossy(bytes))
+pub(super) fn read(path: &Path, bytes: Vec<u8>) -> Result<PolygonSoup, ReadError> {
+    // A binary file may start with the word `solid`, and so may its size tell it.
+    let is_binary = promised(&bytes).is_some_and(|count| count > 0 && count == room(&bytes));
+    if !is_binary && is_text(&bytes) { read_text(path, &text::plain(path, bytes)?) } else { read_binary(path, &bytes) }
+}
+
+/// Whether the file starts as a text does.
+fn is_text(bytes: &[u8]) -> bool {
+    // A mark, and in UTF-16 zeros: that is told to be text, but not read.
+    if bytes.starts_with(b"\xFF\xFE") || bytes.starts_with(b"\xFE\xFF") {
+        return true;
     }
+    let start = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes).trim_ascii_start();
+    let begins = |word: &[u8]| start.get(..word.len()).is_some_and(|start| start.eq_ignore_ascii_case(word));
+    (begins(b"solid") || begins(b"facet")) && !start[..start.len().min(BINARY_HEADER)].contains(&0)
 }
 
 /// The count in a binary file's header.
-fn promised_triangles(bytes: &[u8]) -> Option<u64> {
-    let count = bytes.get(BINARY_HEADER - 4..BINARY_HEADER)?;
-    Some(u32::from_le_bytes(count.try_into().expect("four bytes")).into())
+fn promised(bytes: &[u8]) -> Option<usize> {
+    let count = bytes.get(BINARY_HEADER - 4..)?.first_chunk::<4>()?;
+    Some(u32::from_le_bytes(*count) as usize)
+}
+
+/// How many triangles the bytes after the header hold.
+fn room(bytes: &[u8]) -> usize {
+    (bytes.len() - BINARY_HEADER) / BINARY_TRIANGLE
 }
 
 fn read_binary(path: &Path, bytes: &[u8]) -> Result<PolygonSoup, ReadError> {
-    let Some(count) = promised_triangles(bytes) else {
+    let Some(mut count) = promised(bytes) else {
         let message = "neither \"solid\" at the start nor the 84 bytes of a binary header".into();
-        return Err(ReadError::Malformed { path: path.into(), line: None, message });
+        return Err(malformed(path, None, message));
     };
-    let there = ((bytes.len() - BINARY_HEADER) / BINARY_TRIANGLE) as u64;
+    let (there, mut notes) = (room(bytes), Vec::new());
+    let whole = (bytes.len() - BINARY_HEADER).is_multiple_of(BINARY_TRIANGLE);
+    if count != there && whole && there > 0 {
+        // Programs that write as they go leave 0 or -1 behind.
+        notes.push(format!("the binary header promises {count} triangles, {there} are there and were read"));
+        count = there;
+    }
     if count > there {
         let message = format!("the binary header promises {count} triangles, {there} are there");
         return Err(ReadError::Truncated { path: path.into(), line: None, message });
     }
-    // Some programs begin the free text of a binary file with "solid", which stl_io takes for a text file.
-    let mut bytes = Cow::Borrowed(bytes);
-    if bytes.starts_with(b"solid") {
-        bytes.to_mut()[0] = b' ';
+    let mut facets = Facets { path, weld: Weld::default(), polygons: Vec::new() };
+    for triangle in bytes[BINARY_HEADER..].chunks_exact(BINARY_TRIANGLE).take(count) {
+        let (numbers, _) = triangle.as_chunks::<4>();
+        let corners = numbers[3..12]
+            .chunks_exact(3)
+            .map(|corner| Vec3::from_iterator(corner.iter().map(|&number| f64::from(f32::from_le_bytes(number)))));
+        facets.push(&corners.collect::<Vec<_>>(), None)?;
     }
-    collect(path, &bytes, |_| None)
+    facets.finish(notes)
 }
 
-fn read_text(path: &Path, text: &str) -> Result<PolygonSoup, ReadError> {
-    let last = text.lines().rfind(|line| !line.trim().is_empty()).unwrap_or_default();
-    if !last.trim_start().starts_with("endsolid") {
-        let message = "no \"endsolid\" in the last line".into();
-        return Err(ReadError::Truncated { path: path.into(), line: Some(text.lines().count()), message });
-    }
-    // stl_io wants a name after "solid" and stops at the first "endsolid"; several solids in a file are one soup here.
-    let mut plain = String::from("solid x\n");
-    for line in text.lines().skip(1) {
-        if !line.trim_start().starts_with("solid") && !line.trim_start().starts_with("endsolid") {
-            plain.push_str(line);
-        }
-        plain.push('\n');
-    }
-    plain.push_str("endsolid\n");
-    let line_of_facet = |facet: usize| {
-        let mut facets = text.lines().enumerate().filter(|(_, line)| line.trim_start().starts_with("facet"));
-        facets.nth(facet).map(|(index, _)| index + 1)
+/// `facet ... outer loop vertex x y z ... endloop endfacet`, laid out over lines as one likes; several solids are one.
+fn read_text(path: &Path, bytes: &[u8]) -> Result<PolygonSoup, ReadError> {
+    let mut tokens = Tokens::new(bytes);
+    let mut facets = Facets { path, weld: Weld::default(), polygons: Vec::new() };
+    let (mut line_of_facet, mut open, mut ended) = (0, false, false);
+    let truncated = |tokens: &Tokens, wanted: &str| ReadError::Truncated {
+        path: path.into(),
+        line: Some(tokens.last_line()),
+        message: format!("expected {wanted}"),
     };
-    collect(path, plain.as_bytes(), line_of_facet)
-}
-
-fn collect(
-    path: &Path,
-    bytes: &[u8],
-    line_of_triangle: impl Fn(usize) -> Option<usize>,
-) -> Result<PolygonSoup, ReadError> {
-    let malformed = |line, message| ReadError::Malformed { path: path.into(), line, message };
-    let mut source = Cursor::new(bytes);
-    let reader = stl_io::create_stl_reader(&mut source).map_err(|error| malformed(None, error.to_string()))?;
-    let mut weld = Weld::default();
-    let mut polygons = Vec::new();
-    for (index, triangle) in reader.enumerate() {
-        let triangle = triangle.map_err(|error| {
-            malformed(line_of_triangle(index), format!("triangle {index} (counted from 0): {error}"))
-        })?;
-        let corners = triangle.vertices.map(|corner| Vec3::new(corner[0].into(), corner[1].into(), corner[2].into()));
-        if let Some(corner) = super::first_not_finite(&corners) {
-            let message = format!("triangle {index} (counted from 0), corner {corner}: a coordinate is not finite");
-            return Err(malformed(line_of_triangle(index), message));
-        }
-        polygons.push(corners.map(|corner| weld.add(corner)).to_vec());
-    }
-    if polygons.is_empty() {
-        return Err(malformed(None, "the file has no triangles".into()));
-    }
-    Ok(PolygonSoup { points: weld.points, polygons })
-}
-
-/// Writes a binary STL file: single precision, polygons as fans of triangles about their first corner.
-pub(super) fn write(path: &Path, soup: &PolygonSoup) -> Result<(), WriteError> {
-    let corner = |v: VertexId| {
-        let p = &soup.points[v.index()];
-        [p.x as f32, p.y as f32, p.z as f32]
-    };
-    let mut triangles = Vec::new();
-    for polygon in &soup.polygons {
-        for edge in polygon.windows(2).skip(1) {
-            let corners = [polygon[0], edge[0], edge[1]].map(corner);
-            if !corners.iter().flatten().all(|x| x.is_finite()) {
-                let fault = "a coordinate is beyond the range of STL's single precision, or not finite";
-                return Err(WriteError::refused(path, fault, "scale the solid, or use .obj, .off or .ply"));
+    while let Some(token) = tokens.next() {
+        // Of a name, a normal (which may be missing, or no numbers) or a comment nothing is wanted.
+        if is(token, b"facet") {
+            // Or a word of a name, which does no harm.
+            line_of_facet = token.line;
+        } else if is(token, b"endsolid") {
+            ended = true;
+        } else if is(token, b"endfacet") {
+            open = false;
+        } else if is(token, b"outer") && tokens.next_if(|token| is(token, b"loop")).is_some() {
+            (open, ended) = (true, false);
+            let mut corners: Vec<Vec3> = Vec::new();
+            loop {
+                let word = tokens.next().ok_or_else(|| truncated(&tokens, "`endloop`"))?;
+                if is(word, b"endloop") {
+                    break;
+                }
+                if !is(word, b"vertex") {
+                    let message = format!("{} stands where `vertex` or `endloop` should", word.shown());
+                    return Err(malformed(path, Some(word.line), message));
+                }
+                let mut corner = Vec3::zeros();
+                for x in &mut corner {
+                    let number = tokens.next().ok_or_else(|| truncated(&tokens, "a coordinate"))?;
+                    // The format's numbers have single precision, whatever their digits.
+                    *x = number.value::<f32>().map(f64::from).ok_or_else(|| {
+                        let message = format!("a coordinate is {}, but should be a number", number.shown());
+                        malformed(path, Some(number.line), message)
+                    })?;
+                }
+                corners.push(corner);
             }
-            triangles.push(stl_io::Triangle {
-                normal: stl_io::Normal::new(normal(&corners)),
-                vertices: corners.map(stl_io::Vertex::new),
-            });
+            if corners.len() < 3 {
+                let (face, count) = (facets.polygons.len(), corners.len());
+                let message = format!("triangle {face} (counted from 0) has {count} corners");
+                return Err(malformed(path, Some(line_of_facet), message));
+            }
+            facets.push(&corners, Some(line_of_facet))?;
         }
     }
-    write_atomically(path, |mut file| stl_io::write_stl(&mut file, triangles.iter()))
+    if open {
+        return Err(truncated(&tokens, "`endfacet`"));
+    }
+    let notes = if ended { None } else { Some("no `endsolid` ends the file: it may have been cut short".to_owned()) };
+    facets.finish(notes.into_iter().collect())
 }
 
-/// The unit normal of a triangle; zero for a degenerate one, which means that the reader may work it out.
-fn normal(corners: &[[f32; 3]; 3]) -> [f32; 3] {
-    let [a, b, c] = corners.map(|corner| Vec3::from(corner.map(f64::from)));
-    let normal = (b - a).cross(&(c - a)).try_normalize(0.0).unwrap_or_default();
-    [normal.x as f32, normal.y as f32, normal.z as f32]
+fn is(token: Token, word: &[u8]) -> bool {
+    token.text.eq_ignore_ascii_case(word)
+}
+
+struct Facets<'a> {
+    path: &'a Path,
+    weld: Weld,
+    polygons: Vec<Vec<VertexId>>,
+}
+
+impl Facets<'_> {
+    fn push(&mut self, corners: &[Vec3], line: Option<usize>) -> Result<(), ReadError> {
+        if let Some(corner) = super::first_not_finite(corners) {
+            let index = self.polygons.len();
+            let message = format!("triangle {index} (counted from 0), corner {corner}: a coordinate is not finite");
+            return Err(malformed(self.path, line, message));
+        }
+        self.polygons.push(corners.iter().map(|&corner| self.weld.add(corner)).collect());
+        Ok(())
+    }
+
+    fn finish(self, notes: Vec<String>) -> Result<PolygonSoup, ReadError> {
+        if self.polygons.is_empty() {
+            return Err(malformed(self.path, None, "the file has no triangles".into()));
+        }
+        Ok(PolygonSoup { points: self.weld.points, polygons: self.polygons, notes })
+    }
+}
+
+fn malformed(path: &Path, line: Option<usize>, message: String) -> ReadError {
+    ReadError::Malformed { path: path.into(), line, message }
 }

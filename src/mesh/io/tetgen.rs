@@ -4,25 +4,29 @@
 //! first one has. Written from 1, TetGen's default. Cell data stands as attributes of the tets, named by a comment as
 //! meshio writes it. (meshio itself reads attributes of tets as integers only.)
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use super::tet_file::{CellData, Cells, TetFile};
+use super::cells::{CellData, Cells, Contents, Shape};
 use super::tokens::{Fault, Tokens};
-use super::{ReadError, WriteError, read_bytes, write_atomically};
+use super::{ReadError, WriteError, at, read_bytes, text, write_atomically};
 use crate::mesh::{Vec3, VertexId};
 
 /// The comment before the names of attributes.
 const NAMES: &str = "# attribute names: ";
 
 /// Reads the pair of which `path` names either; attributes and markers of vertices are skipped.
-pub(super) fn read(path: &Path) -> Result<TetFile, ReadError> {
-    let (node_path, ele_path) = (path.with_extension("node"), path.with_extension("ele"));
-    let malformed = |path: &Path| {
-        let path = path.to_path_buf();
-        move |(line, message)| ReadError::Malformed { path, line, message }
-    };
-    let nodes = parse_nodes(&read_bytes(&node_path)?).map_err(malformed(&node_path))?;
-    parse_tets(&read_bytes(&ele_path)?, nodes).map_err(malformed(&ele_path))
+pub(super) fn read(path: &Path) -> Result<Contents, ReadError> {
+    let [node_path, ele_path] = ["node", "ele"].map(|ending| part(path, ending));
+    let text = |path: &Path| text::plain(path, read_bytes(path)?);
+    let nodes = parse_nodes(&text(&node_path)?).map_err(at(&node_path))?;
+    parse_tets(&text(&ele_path)?, nodes).map_err(at(&ele_path))
+}
+
+/// The file of the pair with this ending, in lower or, if only that is there, in upper case.
+fn part(path: &Path, ending: &str) -> PathBuf {
+    let lower = path.with_extension(ending);
+    let upper = path.with_extension(ending.to_uppercase());
+    if !lower.exists() && upper.exists() { upper } else { lower }
 }
 
 /// The vertices of a `.node` file.
@@ -53,11 +57,11 @@ pub(super) fn parse_nodes(bytes: &[u8]) -> Result<Nodes, Fault> {
     Ok(nodes)
 }
 
-pub(super) fn parse_tets(bytes: &[u8], nodes: Nodes) -> Result<TetFile, Fault> {
+pub(super) fn parse_tets(bytes: &[u8], nodes: Nodes) -> Result<Contents, Fault> {
     let mut tokens = Tokens::with_comments(bytes);
     let [count, corners, attributes, _] = header(&mut tokens, "tets", [0, 4, 0, 0])?;
-    if corners != 4 {
-        let message = format!("the tets have {corners} nodes each; only linear ones, of 4, are read");
+    if !matches!(corners, 4 | 10) {
+        let message = format!("the tets have {corners} nodes each; tets have 4, or 10 if they are of second order");
         return Err((Some(tokens.line()), message));
     }
     let mut cells = Cells::default();
@@ -71,8 +75,8 @@ pub(super) fn parse_tets(bytes: &[u8], nodes: Nodes) -> Result<TetFile, Fault> {
             first = number;
         }
         check_number(&tokens, number, first, entry, "tet")?;
-        let mut tet = [0; 4];
-        for vertex in &mut tet {
+        let mut tet = [0; 10];
+        for vertex in &mut tet[..corners as usize] {
             let token = tokens.expect("a vertex of a tet")?;
             let number: i64 = token.parse("a vertex of a tet", "a whole number")?;
             let last = nodes.first.saturating_add(nodes.coordinates.len() as i64 / 3 - 1);
@@ -82,7 +86,7 @@ pub(super) fn parse_tets(bytes: &[u8], nodes: Nodes) -> Result<TetFile, Fault> {
             }
             *vertex = number - nodes.first;
         }
-        cells.push_tet(tet);
+        cells.push(Shape::Tet, &tet[..corners as usize]);
         for (_, values) in &mut cell_data {
             values.push(tokens.number("an attribute of a tet", "a number")?);
         }

@@ -2,6 +2,8 @@
 
 use std::str::FromStr;
 
+use super::text::reworded_number;
+
 /// A line, where one is to blame, and what is wrong there.
 pub(super) type Fault = (Option<usize>, String);
 
@@ -10,6 +12,8 @@ pub(super) type Fault = (Option<usize>, String);
 pub(super) struct Tokens<'a> {
     rest: &'a [u8],
     line: usize,
+    /// The line of the last token.
+    last: usize,
     comments: bool,
 }
 
@@ -24,42 +28,67 @@ impl<'a> Iterator for Tokens<'a> {
     type Item = Token<'a>;
 
     fn next(&mut self) -> Option<Token<'a>> {
-        loop {
-            match self.rest.first()? {
-                b'#' if self.comments => {
-                    let end = self.rest.iter().position(|&b| b == b'\n').unwrap_or(self.rest.len());
-                    self.rest = &self.rest[end..];
-                }
-                byte if byte.is_ascii_whitespace() => {
-                    self.line += usize::from(*byte == b'\n');
-                    self.rest = &self.rest[1..];
-                }
-                _ => {
-                    let ends = |&b: &u8| b.is_ascii_whitespace() || b == b'#' && self.comments;
-                    let end = self.rest.iter().position(ends).unwrap_or(self.rest.len());
-                    let (text, rest) = self.rest.split_at(end);
-                    self.rest = rest;
-                    return Some(Token { text, line: self.line });
-                }
-            }
-        }
+        self.skip_space();
+        let ends = |&b: &u8| is_space(b) || b == b'#' && self.comments;
+        let end = self.rest.iter().position(ends).unwrap_or(self.rest.len());
+        self.take(end)
     }
 }
 
 impl<'a> Tokens<'a> {
     /// Tokens between white space; every byte but the white space is part of one.
     pub(super) fn new(bytes: &'a [u8]) -> Self {
-        Self { rest: bytes, line: 1, comments: false }
+        Self { rest: bytes, line: 1, last: 1, comments: false }
     }
 
     /// Tokens between white space, where `#` starts a comment that ends with its line.
     pub(super) fn with_comments(bytes: &'a [u8]) -> Self {
-        Self { rest: bytes, line: 1, comments: true }
+        Self { rest: bytes, line: 1, last: 1, comments: true }
     }
 
     /// A part of a file, with the number of its first line.
     pub(super) fn starting_at(bytes: &'a [u8], line: usize) -> Self {
-        Self { rest: bytes, line, comments: false }
+        Self { rest: bytes, line, last: line, comments: false }
+    }
+
+    fn skip_space(&mut self) {
+        loop {
+            match self.rest.first() {
+                Some(b'#') if self.comments => {
+                    let end = self.rest.iter().position(|&b| b == b'\n').unwrap_or(self.rest.len());
+                    self.rest = &self.rest[end..];
+                }
+                Some(&byte) if is_space(byte) => {
+                    self.line += usize::from(byte == b'\n');
+                    self.rest = &self.rest[1..];
+                }
+                _ => return,
+            }
+        }
+    }
+
+    /// The next `length` bytes as a token; none of no bytes.
+    fn take(&mut self, length: usize) -> Option<Token<'a>> {
+        let (text, rest) = self.rest.split_at(length);
+        self.rest = rest;
+        self.last = if text.is_empty() { self.last } else { self.line };
+        (!text.is_empty()).then_some(Token { text, line: self.line })
+    }
+
+    /// The first `length` bytes of the next token, as one; the others stay unread.
+    pub(super) fn part(&mut self, length: usize) -> Option<Token<'a>> {
+        self.skip_space();
+        self.take(length.min(self.rest.len()))
+    }
+
+    /// All that is unread.
+    pub(super) fn rest(&self) -> &'a [u8] {
+        self.rest
+    }
+
+    /// The line of the last token.
+    pub(super) fn last_line(&self) -> usize {
+        self.last
     }
 
     /// The line of the next byte.
@@ -154,13 +183,21 @@ impl Token<'_> {
         if self.text.len() > LONGEST { format!("`{shown}...`") } else { format!("`{shown}`") }
     }
 
+    /// The token as a number; Fortran's and Microsoft's ways to write one are known.
+    pub(super) fn value<T: FromStr>(self) -> Option<T> {
+        let text = std::str::from_utf8(self.text).ok()?;
+        text.parse().ok().or_else(|| reworded_number(text)?.parse().ok())
+    }
+
     /// The token as a number, or a fault which says what stands there and what should.
     pub(super) fn parse<T: FromStr>(self, what: &str, expected: &str) -> Result<T, Fault> {
-        std::str::from_utf8(self.text)
-            .ok()
-            .and_then(|text| text.parse().ok())
-            .ok_or_else(|| (Some(self.line), format!("{what} is {}, but should be {expected}", self.shown())))
+        self.value().ok_or_else(|| (Some(self.line), format!("{what} is {}, but should be {expected}", self.shown())))
     }
+}
+
+/// White space; zeros, with which some writers fill a text up, are such.
+fn is_space(byte: u8) -> bool {
+    byte.is_ascii_whitespace() || byte == 0
 }
 
 /// Where `mark` first occurs.

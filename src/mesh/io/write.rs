@@ -1,15 +1,14 @@
 //! The format of a file that is written follows its ending.
 
-use std::io;
 use std::path::Path;
 
+use super::format::ending_of;
 use super::vtk::{DataArray, Values, write_legacy, write_vtu};
-use super::{CellData, WriteError, ending_of, gmsh, obj, off, ply, stl, tetgen, write_medit};
-use crate::mesh::{PolygonSoup, Vec3, VertexId};
+use super::{CellData, TetFormat, WriteError, gmsh, tetgen, write_medit};
+use crate::mesh::{Vec3, VertexId};
 
 const USE_TET_ENDING: &str =
     "use one of .mesh (Medit), .vtu, .vtk (legacy VTK), .msh (Gmsh 4.1), .msh2 (Gmsh 2.2), .node or .ele (TetGen)";
-const USE_SURFACE_ENDING: &str = "use one of .obj, .off, .ply, .stl";
 
 /// Writes a tetrahedral mesh with named scalars on its cells; the file's ending (in any case) tells the format.
 ///
@@ -31,20 +30,20 @@ pub fn write_tets(
 ) -> Result<(), WriteError> {
     assert!(cell_data.iter().all(|(_, values)| values.len() == tets.len()), "one number a tet");
     check_names(path, cell_data)?;
-    match ending_of(path).as_str() {
-        "mesh" if !cell_data.is_empty() => {
+    match TetFormat::of(path) {
+        Some(TetFormat::Medit) if !cell_data.is_empty() => {
             Err(WriteError::refused(path, "Medit's format holds no cell data", "use .vtu, .vtk, .msh or .node"))
         }
-        "mesh" => write_medit(path, points, tets),
-        "vtu" => {
+        Some(TetFormat::Medit) => write_medit(path, points, tets),
+        Some(TetFormat::Vtu) => {
             let arrays = cell_data.iter().map(|(name, values)| DataArray { name, values: Values::Scalars(values) });
             write_vtu(path, points, tets, &[], &arrays.collect::<Vec<_>>())
         }
-        "vtk" => write_legacy(path, points, tets, cell_data),
-        "msh" | "msh4" | "msh41" => gmsh::write_version_4(path, points, tets, cell_data),
-        "msh2" | "msh22" => gmsh::write_version_2(path, points, tets, cell_data),
-        "node" | "ele" => tetgen::write(path, points, tets, cell_data),
-        ending => Err(unknown(path, ending, USE_TET_ENDING)),
+        Some(TetFormat::Vtk) => write_legacy(path, points, tets, cell_data),
+        Some(TetFormat::Gmsh) => gmsh::write_version_4(path, points, tets, cell_data),
+        Some(TetFormat::Gmsh2) => gmsh::write_version_2(path, points, tets, cell_data),
+        Some(TetFormat::TetGen) => tetgen::write(path, points, tets, cell_data),
+        Some(TetFormat::MeditBinary | TetFormat::Pvtu) | None => Err(unknown(path)),
     }
 }
 
@@ -53,32 +52,18 @@ pub fn write_tets(
 /// # Errors
 /// The same refusal.
 pub fn check_tets_can_be_written(path: &Path) -> Result<(), WriteError> {
-    match ending_of(path).as_str() {
-        "mesh" | "vtu" | "vtk" | "msh" | "msh4" | "msh41" | "msh2" | "msh22" | "node" | "ele" => Ok(()),
-        ending => Err(unknown(path, ending, USE_TET_ENDING)),
+    match TetFormat::of(path) {
+        Some(TetFormat::MeditBinary | TetFormat::Pvtu) | None => Err(unknown(path)),
+        Some(_) => Ok(()),
     }
 }
 
-/// Writes a surface; the file's ending (in any case) tells the format: OBJ, OFF, PLY or STL.
-///
-/// Positions keep every bit, except in STL: it holds single precision, rounded to nearest, and triangles only, so that
-/// larger polygons are cut into fans. A vertex that no polygon names is lost in STL, and to [`super::read_surface`] in OBJ.
-///
-/// # Errors
-/// An unknown ending, a coordinate beyond STL's range, a polygon of more than 255 corners for PLY, or the system's
-/// reason; always with the path.
-pub fn write_surface(path: &Path, soup: &PolygonSoup) -> Result<(), WriteError> {
-    match ending_of(path).as_str() {
-        "obj" => obj::write(path, soup),
-        "off" => off::write(path, soup),
-        "ply" => ply::write(path, soup),
-        "stl" => stl::write(path, soup),
-        ending => Err(unknown(path, ending, USE_SURFACE_ENDING)),
-    }
-}
-
-fn unknown(path: &Path, ending: &str, remedy: &'static str) -> WriteError {
-    WriteError::refused(path, format!("unknown file ending {ending:?}"), remedy)
+fn unknown(path: &Path) -> WriteError {
+    let fault = match TetFormat::of(path) {
+        None => format!("unknown file ending {:?}", ending_of(path)),
+        Some(_) => format!("files with the ending {:?} are only read", ending_of(path)),
+    };
+    WriteError::refused(path, fault, USE_TET_ENDING)
 }
 
 /// Names stand on lines, in quotes and in tables by name.
@@ -96,11 +81,4 @@ fn check_names(path: &Path, cell_data: &CellData) -> Result<(), WriteError> {
         return Err(WriteError::refused(path, format!("the name {name:?} of cell data {fault}"), "rename the array"));
     }
     Ok(())
-}
-
-/// Writes one polygon as a line: `start`, then each corner counted from `first`.
-pub(super) fn write_polygon(file: &mut dyn io::Write, start: &str, polygon: &[VertexId], first: u64) -> io::Result<()> {
-    write!(file, "{start}")?;
-    polygon.iter().try_for_each(|v| write!(file, " {}", u64::from(v.0) + first))?;
-    writeln!(file)
 }

@@ -3,11 +3,12 @@
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::process::{Child, Command, ExitStatus};
 use std::time::Duration;
 
 use super::{ExternalError, ExternalMesher, ExternalSettings};
 use crate::cancel::Cancel;
+use crate::child::guarded;
 
 /// The program of a mesher and the time it has left.
 pub(super) struct Program {
@@ -17,6 +18,9 @@ pub(super) struct Program {
     /// With the limit as deadline.
     cancel: Cancel,
 }
+
+/// Bytes of output after which a program is ended, lest it fill the disk.
+const MOST_OUTPUT: u64 = 1 << 26;
 
 /// A run that came to its end by itself.
 pub(super) struct Ended {
@@ -54,41 +58,36 @@ impl Program {
     pub fn run(&self, arguments: &[&str], folder: &Path) -> Result<Ended, ExternalError> {
         let [output, errors] = ["standard-output", "standard-error"].map(|name| folder.join(name));
         let mut command = self.command();
-        command.args(arguments).current_dir(folder).stdin(Stdio::null());
+        command.args(arguments).current_dir(folder);
         // Some read options from the user's home; and a comma in numbers would be the end of every format here.
         command.env("HOME", folder).env("GMSH_HOME", folder).env("LC_ALL", "C");
         command.stdout(File::create(&output).map_err(ExternalError::Files)?);
         command.stderr(File::create(&errors).map_err(ExternalError::Files)?);
         let failed = |source| ExternalError::Run { mesher: self.mesher, source };
         let mut running = Running(command.spawn().map_err(failed)?);
-        let status = running.wait(&self.cancel).map_err(failed)?;
+        let too_much =
+            || [&output, &errors].into_iter().any(|path| path.metadata().is_ok_and(|data| data.len() > MOST_OUTPUT));
+        let status = running.wait(|| self.cancel.is_due() || too_much(), &self.cancel).map_err(failed)?;
         let words = || format!("{}{}", last_lines(&output), last_lines(&errors)).trim_end().to_string();
         match status {
             Some(status) => Ok(Ended { status, words: words() }),
+            None if too_much() => Err(ExternalError::Failed {
+                mesher: self.mesher,
+                status: "it printed more than 64 MiB and was ended".into(),
+                words: words(),
+            }),
             None if self.cancel.is_raised() => Err(ExternalError::Cancelled(self.mesher)),
             None => Err(ExternalError::TimedOut { mesher: self.mesher, limit: self.limit, words: words() }),
         }
     }
 
-    /// The program behind a shell that sets limits in case qcball itself is killed and can end nothing, and behind
-    /// stdbuf where there is one: Debian's TetGen aborts on every error, and what it said is lost in its buffer.
-    #[cfg(unix)]
+    /// The program behind stdbuf where there is one: Debian's TetGen aborts on every error, and what it said is lost in its
+    /// buffer. The limit on processor time is for programs that this one cannot end in time.
     fn command(&self) -> Command {
-        use std::os::unix::process::CommandExt;
-        let mut command = Command::new("/bin/sh");
-        let seconds = self.limit.as_secs().saturating_add(10);
-        command.args(["-c", "ulimit -c 0; ulimit -t \"$0\" 2>/dev/null; exec \"$@\"", &seconds.to_string()]);
-        if let Some(stdbuf) = search_path(Path::new("stdbuf")) {
-            command.arg(stdbuf).arg("-oL");
-        }
-        // A group of its own, so that all it starts can be ended with it.
-        command.arg(&self.path).process_group(0);
-        command
-    }
-
-    #[cfg(not(unix))]
-    fn command(&self) -> Command {
-        Command::new(&self.path)
+        let stdbuf = search_path(Path::new("stdbuf")).filter(|_| cfg!(unix));
+        let stdbuf = stdbuf.as_ref().and_then(|path| path.to_str());
+        let wrapper: Vec<&str> = stdbuf.into_iter().flat_map(|stdbuf| [stdbuf, "-oL"]).collect();
+        guarded(&wrapper, &self.path, Some(self.limit.as_secs().saturating_add(10)))
     }
 }
 
@@ -97,13 +96,13 @@ struct Running(Child);
 
 impl Running {
     /// The status, or `None` if it was to end first.
-    fn wait(&mut self, cancel: &Cancel) -> io::Result<Option<ExitStatus>> {
+    fn wait(&mut self, is_to_end: impl Fn() -> bool, cancel: &Cancel) -> io::Result<Option<ExitStatus>> {
         let mut pause = Duration::from_millis(1);
         loop {
             if let Some(status) = self.0.try_wait()? {
                 return Ok(Some(status));
             }
-            if cancel.is_due() {
+            if is_to_end() {
                 return Ok(None);
             }
             std::thread::sleep(cancel.time_left().map_or(pause, |left| pause.min(left)));

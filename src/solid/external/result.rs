@@ -15,8 +15,8 @@ const VOLUME: f64 = 1e-9;
 /// the boundary that was asked for.
 pub(super) fn checked(soup: TetSoup, surface: &Surface, settings: &ExternalSettings) -> Result<TetMesh, ExternalError> {
     let mesher = settings.mesher;
-    let TetSoup { mut points, mut tets } = soup;
-    drop_unused(&mut points, &mut tets);
+    // Gmsh keeps the vertices of its geometry, TetGen those of removed parts.
+    let TetSoup { mut points, tets, .. } = soup.tidied();
     let found = Matches::of(surface, &points);
     for (at, surface_vertex) in found.of_mesh.iter().enumerate() {
         if let Some(vertex) = surface_vertex {
@@ -101,16 +101,4 @@ fn check_boundary(
         )));
     }
     Ok(())
-}
-
-/// Removes the vertices that no tet uses: Gmsh keeps those of its geometry, TetGen those of removed parts.
-fn drop_unused(points: &mut Vec<Vec3>, tets: &mut [[VertexId; 4]]) {
-    let mut number = vec![None; points.len()];
-    tets.iter().flatten().for_each(|v| number[v.index()] = Some(VertexId(0)));
-    for (next, slot) in number.iter_mut().flatten().enumerate() {
-        *slot = VertexId(next as u32);
-    }
-    tets.iter_mut().flatten().for_each(|v| *v = number[v.index()].expect("marked as used above"));
-    let mut used = number.iter().map(Option::is_some);
-    points.retain(|_| used.next() == Some(true));
 }

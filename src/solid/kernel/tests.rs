@@ -8,7 +8,7 @@ const TOLERANCE: f64 = 2e-8;
 
 fn surface(points: Vec<Vec3>, polygons: &[&[u32]]) -> Surface {
     let polygons = polygons.iter().map(|polygon| polygon.iter().copied().map(VertexId).collect()).collect();
-    Surface::from_soup(PolygonSoup { points, polygons }).unwrap()
+    Surface::from_soup(PolygonSoup::new(points, polygons)).unwrap()
 }
 
 /// The prism of height 1 over an outline, counter-clockwise seen from above, with caps cut into the given polygons.
@@ -52,7 +52,7 @@ fn scale_and_place_do_not_matter() {
     for (scale, shift) in [(1e-6, 0.0), (1e6, 0.0), (1.0, 1e4)] {
         let points = cube.points().iter().map(|p| scale * p + Vec3::repeat(shift)).collect();
         let polygons = cube.triangles().iter().map(|t| t.to_vec()).collect();
-        let kernel = StarKernel::of(&Surface::from_soup(PolygonSoup { points, polygons }).unwrap()).unwrap();
+        let kernel = StarKernel::of(&Surface::from_soup(PolygonSoup::new(points, polygons)).unwrap()).unwrap();
         assert!((kernel.radius / scale - 1.0).abs() < 1e-7, "{kernel:?}");
     }
 }

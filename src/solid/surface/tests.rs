@@ -4,7 +4,7 @@ use super::*;
 
 /// Axis-parallel cubes [0, 1]^3 shifted, as quads that face outward.
 fn cubes(shifts: &[[f64; 3]]) -> PolygonSoup {
-    let mut soup = PolygonSoup { points: vec![], polygons: vec![] };
+    let mut soup = PolygonSoup::new(vec![], vec![]);
     for &shift in shifts {
         let first = soup.points.len() as u32;
         soup.points.extend(
@@ -53,7 +53,7 @@ fn concave_edges_have_more_than_a_straight_angle() {
     polygons.push(vec![0, 5, 4, 3, 2, 1]);
     polygons.push(vec![6, 7, 8, 9, 10, 11]);
     let polygons = polygons.into_iter().map(|polygon| polygon.into_iter().map(VertexId).collect()).collect();
-    let surface = Surface::from_soup(PolygonSoup { points, polygons }).unwrap();
+    let surface = Surface::from_soup(PolygonSoup::new(points, polygons)).unwrap();
     assert!((surface.volume() - 3.0).abs() < 1e-14);
     let concave = surface.edges().iter().map(|edge| surface.dihedral_angle(edge)).fold(0.0, f64::max);
     assert!((concave - 3.0 * FRAC_PI_2).abs() < 1e-15);
@@ -96,9 +96,10 @@ fn faults_are_named() {
         refuse(&|soup| soup.polygons[2][1] = VertexId(8)),
         SurfaceError::VertexOutOfRange { polygon: 2, vertex: 8, count: 8 }
     );
+    // A bow tie.
     assert_eq!(
-        refuse(&|soup| soup.polygons[2][1] = VertexId(0)),
-        SurfaceError::BadPolygon { polygon: 2, fault: FanError::RepeatedVertex { vertex: 0 } }
+        refuse(&|soup| soup.polygons[2].swap(0, 1)),
+        SurfaceError::BadPolygon { polygon: 2, fault: PolygonError::NotCut }
     );
     assert_eq!(
         refuse(&|soup| {

@@ -1,8 +1,8 @@
 //! `$Elements` and `$ElementData`.
 
 use super::{Nodes, Places, Source, Version, data_number};
+use crate::mesh::io::cells::{Cells, Contents, Shape};
 use crate::mesh::io::numbers::Kind;
-use crate::mesh::io::tet_file::{Cells, TetFile};
 use crate::mesh::io::tokens::Fault;
 
 /// Gmsh's number for a linear tetrahedron.
@@ -11,9 +11,29 @@ pub(super) const TETRAHEDRON: i64 = 4;
 /// The elements so far; vertices are still tags.
 #[derive(Default)]
 pub(super) struct Elements {
-    tets: Vec<[i64; 4]>,
-    tet_tags: Vec<i64>,
+    volumes: List,
+    /// Triangles and the like, which are of interest where there are no volumes.
+    polygons: List,
     skipped: usize,
+}
+
+/// Elements one after the other: kind, tag, and where the nodes end in the row of all.
+#[derive(Default)]
+struct List {
+    elements: Vec<(i64, i64, usize)>,
+    nodes: Vec<i64>,
+}
+
+impl List {
+    fn push(&mut self, kind: i64, tag: i64, nodes: &[i64]) {
+        self.nodes.extend_from_slice(nodes);
+        self.elements.push((kind, tag, self.nodes.len()));
+    }
+
+    fn iter(&self) -> impl Iterator<Item = (i64, i64, &[i64])> {
+        let starts = std::iter::once(0).chain(self.elements.iter().map(|element| element.2));
+        self.elements.iter().zip(starts).map(|(&(kind, tag, end), start)| (kind, tag, &self.nodes[start..end]))
+    }
 }
 
 /// An array of `$ElementData`: tags of elements and their values.
@@ -25,10 +45,26 @@ pub(super) struct Data {
 impl Elements {
     pub(super) fn read(&mut self, source: &mut Source) -> Result<(), Fault> {
         match source.version {
+            Version::One => self.read_first(source),
             Version::Two if source.is_text() => self.read_lines(source),
             Version::Two => self.read_binary(source),
-            Version::Four => self.read_blocks(source),
+            Version::Four | Version::FourOne => self.read_blocks(source),
         }
+    }
+
+    /// Version 1: `tag type physical elementary count-of-nodes nodes...`.
+    fn read_first(&mut self, source: &mut Source) -> Result<(), Fault> {
+        let count = source.text_count(8, "the count of $ELM")?;
+        for _ in 0..count {
+            let [tag, kind, _, _, nodes] = source.fixed(Kind::Int32, "an element")?;
+            let wanted = node_count(kind).map_err(|message| source.fault(message))?;
+            if nodes as u64 != wanted {
+                return Err(source.fault(format!("the element {tag} of type {kind} has {nodes} nodes, not {wanted}")));
+            }
+            let vertices = source.integers(Kind::Int32, wanted, "the nodes of an element")?;
+            self.push(kind, tag, &vertices);
+        }
+        Ok(())
     }
 
     /// Version 2, text: `tag type count-of-labels labels... nodes...`.
@@ -66,48 +102,60 @@ impl Elements {
     /// Version 4: blocks of one entity.
     fn read_blocks(&mut self, source: &mut Source) -> Result<(), Fault> {
         source.end_text_line();
-        let [blocks, ..] = source.fixed::<4>(source.size, "the counts of $Elements")?;
+        let what = "the counts of $Elements";
+        let (blocks, tag) = match source.version {
+            Version::FourOne => (source.fixed::<4>(source.size, what)?[0], source.size),
+            _ => (source.fixed::<2>(source.size, what)?[0], Kind::Int32),
+        };
         for _ in 0..blocks.max(0) {
             let [_, _, kind] = source.fixed(Kind::Int32, "the head of a block of elements")?;
             let [count] = source.fixed(source.size, "the count of a block of elements")?;
             let nodes = node_count(kind).map_err(|message| source.fault(message))?;
-            let rows = source.integers(source.size, (count as u64).saturating_mul(1 + nodes), "a block of elements")?;
+            let rows = source.integers(tag, (count as u64).saturating_mul(1 + nodes), "a block of elements")?;
             rows.chunks_exact(1 + nodes as usize).for_each(|row| self.push(kind, row[0], &row[1..]));
         }
         Ok(())
     }
 
-    fn push(&mut self, kind: i64, tag: i64, vertices: &[i64]) {
-        match (kind, vertices) {
-            (TETRAHEDRON, &[a, b, c, d]) => {
-                self.tets.push([a, b, c, d]);
-                self.tet_tags.push(tag);
-            }
-            _ => self.skipped += 1,
+    fn push(&mut self, kind: i64, tag: i64, nodes: &[i64]) {
+        match shape(kind) {
+            Shape::Other => self.skipped += 1,
+            Shape::Polygon(_) => self.polygons.push(kind, tag, nodes),
+            _ => self.volumes.push(kind, tag, nodes),
         }
     }
 
     /// Resolves all tags.
-    pub(super) fn finish(self, nodes: Nodes, data: Vec<Data>) -> Result<TetFile, Fault> {
+    pub(super) fn finish(self, nodes: Nodes, data: Vec<Data>) -> Result<Contents, Fault> {
         let mut cells = Cells::default();
-        for (tet, tag) in self.tets.iter().zip(&self.tet_tags) {
-            let mut vertices = [0; 4];
-            for (vertex, &node) in vertices.iter_mut().zip(tet) {
-                *vertex = nodes.places.of(node).ok_or_else(|| {
+        cells.skip(self.skipped);
+        let elements = if self.volumes.elements.is_empty() {
+            &self.polygons
+        } else {
+            cells.skip(self.polygons.elements.len());
+            &self.volumes
+        };
+        let mut vertices = Vec::new();
+        for (kind, tag, tags) in elements.iter() {
+            vertices.clear();
+            for &node in tags {
+                vertices.push(nodes.places.of(node).ok_or_else(|| {
                     (None, format!("the element {tag} names the node {node}, but no node has this tag"))
-                })?;
+                })?);
             }
-            cells.push_tet(vertices);
+            cells.push(shape(kind), &vertices);
         }
         let mut cell_data: Vec<(String, Vec<f64>)> = Vec::new();
         if !data.is_empty() {
-            let places = Places::new(&self.tet_tags)
+            let tags: Vec<i64> = self.volumes.elements.iter().map(|element| element.1).collect();
+            let places = Places::new(&tags)
                 .map_err(|tag| (None, format!("two elements have the tag {tag}, to which data refers")))?;
+            let skipped = self.skipped + self.polygons.elements.len();
             for Data { name, values: given } in data {
-                let mut values = vec![f64::NAN; self.tets.len()];
+                let mut values = vec![f64::NAN; skipped + tags.len()];
                 for (tag, value) in given {
                     if let Some(place) = places.of(tag) {
-                        values[place as usize] = value;
+                        values[skipped + place as usize] = value;
                     }
                 }
                 // A later time step takes the place of an earlier one.
@@ -117,10 +165,7 @@ impl Elements {
                 }
             }
         }
-        cells.skip(self.skipped);
-        let mut file = cells.finish(nodes.coordinates, Vec::new())?;
-        file.cell_data = cell_data;
-        Ok(file)
+        cells.finish(nodes.coordinates, cell_data)
     }
 }
 
@@ -162,30 +207,45 @@ pub(super) fn read_data(source: &mut Source) -> Result<Option<Data>, Fault> {
     Ok((components == 1).then(|| Data { name: name.unwrap_or_default(), values }))
 }
 
-/// How many nodes an element of this type has; volumes other than linear tets are refused.
+/// What an element of this type is; the corners of one of higher order come first.
+fn shape(kind: i64) -> Shape {
+    match kind {
+        2 | 9 | 20..=25 => Shape::Polygon(3),
+        3 | 10 | 16 => Shape::Polygon(4),
+        TETRAHEDRON | 11 | 29..=31 => Shape::Tet,
+        5 | 12 | 17 => Shape::Hexahedron,
+        6 | 13 | 18 => Shape::Prism,
+        7 | 14 | 19 => Shape::Pyramid,
+        _ => Shape::Other,
+    }
+}
+
+/// How many nodes an element of this type has.
 fn node_count(kind: i64) -> Result<u64, String> {
-    let name = match kind {
-        15 => return Ok(1),
-        1 => return Ok(2),
-        2 | 8 => return Ok(3),
-        3 | TETRAHEDRON | 26 => return Ok(4),
-        27 => return Ok(5),
-        9 | 28 => return Ok(6),
-        16 => return Ok(8),
-        10 | 20 => return Ok(9),
-        21 => return Ok(10),
-        22 => return Ok(12),
-        23 | 24 => return Ok(15),
-        25 => return Ok(21),
-        5 => "hexahedra",
-        6 => "prisms",
-        7 => "pyramids",
-        11 | 29..=31 => "tetrahedra of second or higher order",
+    Ok(match kind {
+        15 => 1,
+        1 => 2,
+        2 | 8 => 3,
+        3 | TETRAHEDRON | 26 => 4,
+        7 | 27 => 5,
+        6 | 9 | 28 => 6,
+        5 | 16 => 8,
+        10 | 20 => 9,
+        11 | 21 => 10,
+        22 => 12,
+        19 => 13,
+        14 => 14,
+        18 | 23 | 24 => 15,
+        13 => 18,
+        17 | 29 => 20,
+        25 => 21,
+        12 => 27,
+        30 => 35,
+        31 => 56,
         _ => {
             return Err(format!(
                 "the mesh has elements of Gmsh's type {kind}, which are not read; split or remove them"
             ));
         }
-    };
-    Err(format!("the mesh has {name}; only linear tetrahedra are read: split them first"))
+    })
 }

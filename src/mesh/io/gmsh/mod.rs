@@ -1,4 +1,4 @@
-//! Gmsh's `.msh`, versions 2.2 and 4.1, text or binary.
+//! Gmsh's `.msh`, versions 1, 2, 4.0 and 4.1, text or (but for the first) binary.
 //!
 //! A file is a list of sections `$Name ... $EndName`; nodes and elements carry tags by which others refer to them. Read
 //! by ourselves: mshio 0.4.2 (2020) refuses version 2.2, panicked on 55 of 20,000 binary files with one to three random
@@ -11,13 +11,13 @@ pub(super) use write::{write_version_2, write_version_4};
 
 use std::collections::HashMap;
 
+use super::cells::Contents;
 use super::numbers::{Encoding, Kind};
-use super::tet_file::TetFile;
 use super::tokens::{Fault, Token, Tokens};
 use elements::Elements;
 
-/// Reads the nodes, the tets and the scalar `$ElementData` of a file; tags may be any distinct numbers.
-pub(super) fn parse(bytes: &[u8]) -> Result<TetFile, Fault> {
+/// Reads the nodes, the elements and the scalar `$ElementData` of a file; tags may be any distinct numbers.
+pub(super) fn parse(bytes: &[u8]) -> Result<Contents, Fault> {
     let mut source = Source {
         tokens: Tokens::new(bytes),
         encoding: Encoding::Text,
@@ -30,15 +30,19 @@ pub(super) fn parse(bytes: &[u8]) -> Result<TetFile, Fault> {
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Version {
+    One,
     Two,
+    /// 4.0, with a tag before each node's and element's numbers.
     Four,
+    /// 4.1, with all tags of a block before its coordinates.
+    FourOne,
 }
 
 /// A file being read, and how its numbers stand in it.
 struct Source<'a> {
     tokens: Tokens<'a>,
     encoding: Encoding,
-    /// The type of sizes and tags in version 4.
+    /// The type of sizes and, from 4.1 on, of tags.
     size: Kind,
     version: Version,
     /// Whether the count of lines can be believed: not after binary numbers.
@@ -84,7 +88,7 @@ impl Source<'_> {
     }
 }
 
-fn read_sections(source: &mut Source) -> Result<TetFile, Fault> {
+fn read_sections(source: &mut Source) -> Result<Contents, Fault> {
     let (mut has_format, mut nodes, mut elements) = (false, None, None::<Elements>);
     let mut data = Vec::new();
     while let Some(keyword) = source.tokens.next() {
@@ -97,11 +101,20 @@ fn read_sections(source: &mut Source) -> Result<TetFile, Fault> {
                 read_format(source)?;
                 has_format = true;
             }
+            // Version 1 has no format, and other names.
+            b"NOD" if !has_format => {
+                (has_format, source.version) = (true, Version::One);
+                nodes = Some(Nodes::read(source, false)?);
+            }
+            b"ELM" if source.version == Version::One => elements.get_or_insert_default().read(source)?,
             _ if !has_format => {
                 return Err((Some(keyword.line), "the file does not start with `$MeshFormat`: it is no .msh".into()));
             }
-            b"Nodes" if nodes.is_some() => return Err((Some(keyword.line), "a second section `$Nodes`".into())),
-            b"Nodes" => nodes = Some(Nodes::read(source)?),
+            b"Nodes" | b"ParametricNodes" if nodes.is_some() => {
+                return Err((Some(keyword.line), "a second section `$Nodes`".into()));
+            }
+            b"Nodes" => nodes = Some(Nodes::read(source, false)?),
+            b"ParametricNodes" => nodes = Some(Nodes::read(source, true)?),
             b"Elements" => elements.get_or_insert_default().read(source)?,
             b"ElementData" => data.extend(elements::read_data(source)?),
             _ => {
@@ -110,7 +123,9 @@ fn read_sections(source: &mut Source) -> Result<TetFile, Fault> {
             }
         }
         let end = source.tokens.expect("the end of a section")?;
-        if end.text.strip_prefix(b"$End") != Some(name) {
+        let end_of = |mark: &[u8]| end.text.strip_prefix(mark) == Some(name);
+        let is_end = end_of(b"$End") || source.version == Version::One && end_of(b"$END");
+        if !is_end {
             let message = format!("{} stands where the section {} should end", end.shown(), keyword.shown());
             return Err((Some(end.line), message));
         }
@@ -132,7 +147,8 @@ fn read_format(source: &mut Source) -> Result<(), Fault> {
     let version = source.tokens.expect("the version")?;
     source.version = match version.text {
         b"2" | b"2.0" | b"2.1" | b"2.2" => Version::Two,
-        b"4.1" => Version::Four,
+        b"4" | b"4.0" => Version::Four,
+        b"4.1" => Version::FourOne,
         _ => {
             let message = format!("version {} of .msh is not read; save it as 4.1 or 2.2", version.shown());
             return Err((Some(version.line), message));
@@ -142,7 +158,7 @@ fn read_format(source: &mut Source) -> Result<(), Fault> {
     let size = source.tokens.expect("the size of numbers")?;
     source.size = match size.text {
         b"8" => Kind::UInt64,
-        b"4" if source.version == Version::Four => Kind::UInt32,
+        b"4" if source.version == Version::FourOne => Kind::UInt32,
         _ => return Err((Some(size.line), format!("the size of numbers is {}, but should be 8", size.shown()))),
     };
     if binary != 0 {
@@ -164,31 +180,60 @@ struct Nodes {
 }
 
 impl Nodes {
-    fn read(source: &mut Source) -> Result<Self, Fault> {
+    fn read(source: &mut Source, parametric: bool) -> Result<Self, Fault> {
         let (mut tags, mut coordinates) = (Vec::new(), Vec::new());
-        if source.version == Version::Two {
-            let count = source.text_count(8, "the count of $Nodes")?;
-            for _ in 0..count {
-                let [tag] = source.fixed(Kind::Int32, "the number of a node")?;
-                tags.push(tag);
-                coordinates.extend(source.floats(3, "the coordinates of a node")?);
+        match source.version {
+            Version::One | Version::Two => {
+                let count = source.text_count(8, "the count of $Nodes")?;
+                for _ in 0..count {
+                    let [tag] = source.fixed(Kind::Int32, "the number of a node")?;
+                    tags.push(tag);
+                    coordinates.extend(source.floats(3, "the coordinates of a node")?);
+                    if parametric {
+                        let [dimension, _] = source.fixed(Kind::Int32, "the entity of a node")?;
+                        // On a curve or surface the node has its parameters there.
+                        let parameters = if dimension < 3 { dimension.max(0) as u64 } else { 0 };
+                        source.floats(parameters, "the parameters of a node")?;
+                    }
+                }
             }
-        } else {
-            source.end_text_line();
-            let [blocks, ..] = source.fixed::<4>(source.size, "the counts of $Nodes")?;
-            for _ in 0..blocks.max(0) {
-                let [dimension, _, parametric] = source.fixed(Kind::Int32, "the head of a block of nodes")?;
-                let [count] = source.fixed(source.size, "the count of a block of nodes")?;
-                tags.extend(source.integers(source.size, count as u64, "the tags of nodes")?);
-                // Nodes on a curve or surface may have their parameters behind their coordinates.
-                let columns = 3 + if parametric == 0 { 0 } else { dimension.clamp(0, 3) as usize };
-                let rows = source.floats((count as u64).saturating_mul(columns as u64), "the coordinates of nodes")?;
-                rows.chunks_exact(columns).for_each(|row| coordinates.extend_from_slice(&row[..3]));
+            Version::Four => {
+                source.end_text_line();
+                let [blocks, _] = source.fixed(source.size, "the counts of $Nodes")?;
+                for _ in 0..blocks.max(0) {
+                    let [_, dimension, parametric] = source.fixed(Kind::Int32, "the head of a block of nodes")?;
+                    let [count] = source.fixed(source.size, "the count of a block of nodes")?;
+                    let columns = columns(dimension, parametric);
+                    for _ in 0..source.tokens.check_room(count as u64, 8, "the count of a block of nodes")? {
+                        let [tag] = source.fixed(Kind::Int32, "the tag of a node")?;
+                        tags.push(tag);
+                        let row = source.floats(columns as u64, "the coordinates of a node")?;
+                        coordinates.extend_from_slice(&row[..3]);
+                    }
+                }
+            }
+            Version::FourOne => {
+                source.end_text_line();
+                let [blocks, ..] = source.fixed::<4>(source.size, "the counts of $Nodes")?;
+                for _ in 0..blocks.max(0) {
+                    let [dimension, _, parametric] = source.fixed(Kind::Int32, "the head of a block of nodes")?;
+                    let [count] = source.fixed(source.size, "the count of a block of nodes")?;
+                    tags.extend(source.integers(source.size, count as u64, "the tags of nodes")?);
+                    let columns = columns(dimension, parametric);
+                    let numbers = (count as u64).saturating_mul(columns as u64);
+                    let rows = source.floats(numbers, "the coordinates of nodes")?;
+                    rows.chunks_exact(columns).for_each(|row| coordinates.extend_from_slice(&row[..3]));
+                }
             }
         }
         let places = Places::new(&tags).map_err(|tag| (None, format!("two nodes have the tag {tag}")))?;
         Ok(Self { coordinates, places })
     }
+}
+
+/// Nodes on a curve or surface may have their parameters behind their coordinates.
+fn columns(dimension: i64, parametric: i64) -> usize {
+    3 + if parametric == 0 { 0 } else { dimension.clamp(0, 3) as usize }
 }
 
 /// Where each tag stands in a list.
@@ -215,7 +260,7 @@ impl Places {
 
     fn of(&self, tag: i64) -> Option<i64> {
         match self {
-            Places::InOrder(count) => (1..=*count).contains(&tag).then_some(tag - 1),
+            Places::InOrder(count) => (1..=*count).contains(&tag).then(|| tag - 1),
             Places::Any(places) => places.get(&tag).copied(),
         }
     }

@@ -4,13 +4,17 @@ use proptest::prelude::*;
 const GOOD: &str = "MeshVersionFormatted 2\nDimension 3\nVertices\n4\n0 0 0 0\n1 0 0 0\n0 1 0 0\n0 0 1 0\n\
                     Triangles 1\n1 2 3 7\nTetrahedra\n1\n1 2 3 4 0\nEnd\n";
 
+fn read(text: &str) -> Result<crate::mesh::io::TetFile, Fault> {
+    parse(text.as_bytes()).and_then(Contents::into_tets)
+}
+
 fn fault(text: &str) -> Fault {
-    parse(text.as_bytes()).unwrap_err()
+    read(text).unwrap_err()
 }
 
 #[test]
 fn any_layout_and_order_reads_the_same() {
-    let expected = parse(GOOD.as_bytes()).unwrap();
+    let expected = read(GOOD).unwrap();
     assert_eq!(expected.skipped_cells, 1);
     let expected = expected.soup;
     assert_eq!(expected.points[2], Vec3::y());
@@ -20,7 +24,7 @@ fn any_layout_and_order_reads_the_same() {
     let tets_first = "MeshVersionFormatted\n1 Dimension\n3 Tetrahedra 1 1 2 3 4 0 Corners 2 1 2 Vertices 4 0 0 0 0 1 0 0 \
                       0 0 1 0 0 0 0 1 0";
     for text in [&one_line, &commented, tets_first] {
-        assert_eq!(parse(text.as_bytes()).unwrap().soup, expected, "{text}");
+        assert_eq!(read(text).unwrap().soup, expected, "{text}");
     }
 }
 
@@ -30,7 +34,8 @@ fn faults_name_their_line() {
         ("# only a comment\n", None, "no section `Vertices`"),
         ("OFF\n3 1 0\n", Some(1), "not a Medit mesh"),
         (&GOOD.replace("Dimension 3", "Dimension 2"), Some(2), "dimension"),
-        (&GOOD[..GOOD.find("Tetra").unwrap()], None, "no section `Tetrahedra`"),
+        (&GOOD[..GOOD.find("Tetra").unwrap()], None, "a surface, polygons without tets"),
+        ("MeshVersionFormatted 2 Dimension 3 Vertices 1 0 0 0 0", None, "no section `Tetrahedra`"),
         (&GOOD.replace("1 2 3 4 0\nEnd\n", "1 2"), Some(12), "room for at most 0"),
         (&GOOD.replace("1 2 3 4 0\nEnd\n", "1 2 3 4     "), Some(13), "truncated"),
         (&GOOD.replace("0 1 0 0\n", "0 one 0 0\n"), Some(7), "`one`"),
@@ -45,7 +50,8 @@ fn faults_name_their_line() {
         (&GOOD.replace("1 2 3 4 0", "-1 2 3 4 0"), Some(13), "`-1`"),
         (&GOOD.replace("Vertices\n4", "Vertices\n1000000000000000000"), Some(4), "room for at most"),
         (&GOOD.replace("Vertices\n4", "Vertices\n-4"), Some(4), "`-4`"),
-        (&GOOD.replace("Triangles", "Hexahedra"), Some(9), "split them"),
+        (&GOOD.replace("Triangles", "Wedges"), Some(9), "split them"),
+        (&GOOD.replace("Triangles", "Hexahedra"), Some(10), "names vertex 7"),
         (&GOOD.replace("End", "Vertices 0"), Some(14), "second section"),
     ];
     for (text, line, words) in cases {
@@ -75,7 +81,7 @@ proptest! {
         let points: Vec<Vec3> = coordinates.into_iter().map(Vec3::from).collect();
         let tets = vec![[3, 1, 0, 2].map(VertexId)];
         write_medit(&path, &points, &tets).unwrap();
-        prop_assert_eq!(read_medit(&path).unwrap(), TetSoup { points, tets });
+        prop_assert_eq!(read_medit(&path).unwrap(), TetSoup { points, tets, notes: vec![] });
     }
 
     #[test]
@@ -93,6 +99,6 @@ proptest! {
     #[test]
     fn every_truncation_is_an_error(at in 0..GOOD.find("0\nEnd").unwrap()) {
         // Only the closing `End` may be missing.
-        prop_assert!(parse(&GOOD.as_bytes()[..at]).is_err());
+        prop_assert!(read(&GOOD[..at]).is_err());
     }
 }

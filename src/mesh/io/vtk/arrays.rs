@@ -22,7 +22,17 @@ pub(super) struct Layout {
     big_endian: bool,
     /// The type of the numbers that tell sizes.
     header: Kind,
-    compressed: bool,
+    compressor: Option<Compressor>,
+}
+
+/// How blocks are compressed.
+#[derive(Clone, Copy)]
+enum Compressor {
+    Zlib,
+    /// Bare blocks of LZ4.
+    Lz4,
+    /// Streams of XZ.
+    Lzma,
 }
 
 impl Layout {
@@ -43,9 +53,11 @@ impl Layout {
                 Some("UInt64") => Kind::UInt64,
                 Some(other) => return Err(format!("`header_type` is {other:?}, but should be UInt32 or UInt64")),
             },
-            compressed: match compressor {
-                None | Some("") => false,
-                Some("vtkZLibDataCompressor") => true,
+            compressor: match compressor {
+                None | Some("") => None,
+                Some("vtkZLibDataCompressor") => Some(Compressor::Zlib),
+                Some("vtkLZ4DataCompressor") => Some(Compressor::Lz4),
+                Some("vtkLZMADataCompressor") => Some(Compressor::Lzma),
                 Some(other) => {
                     return Err(format!(
                         "the compressor {other:?} is not known here; write the file with zlib or none"
@@ -161,12 +173,12 @@ impl<'a> Arrays<'a> {
     /// Takes the sizes off the front and decompresses; the result has `expected` bytes where that is given.
     fn unpack<'b>(&self, stored: &'b [u8], expected: Option<u64>, kind: Kind) -> Result<Cow<'b, [u8]>, String> {
         let mut rest = stored;
-        if !self.layout.compressed {
+        let Some(compressor) = self.layout.compressor else {
             let size = self.size(&mut rest)?;
             self.check_size(size, expected, kind)?;
             let bytes = usize::try_from(size).ok().and_then(|size| rest.get(..size));
             return bytes.map(Cow::Borrowed).ok_or_else(|| truncated(size, rest.len()));
-        }
+        };
         let [blocks, block_size, last_size] = [self.size(&mut rest)?, self.size(&mut rest)?, self.size(&mut rest)?];
         // Zero for the last one's size: it is as large as the others.
         let partial = u64::from(last_size > 0 && blocks > 0);
@@ -187,9 +199,9 @@ impl<'a> Arrays<'a> {
             data = tail;
             let unpacked = if block + 1 == blocks && partial == 1 { last_size } else { block_size };
             let before = bytes.len() as u64;
-            // One byte more than there should be tells a block that is too long without unpacking all of it.
-            let result = ZlibDecoder::new(packed).take(unpacked.saturating_add(1)).read_to_end(&mut bytes);
-            result.map_err(|error| format!("block {block} cannot be decompressed: {error}"))?;
+            compressor
+                .unpack(packed, unpacked, &mut bytes)
+                .map_err(|error| format!("block {block} cannot be decompressed: {error}"))?;
             if bytes.len() as u64 - before != unpacked {
                 return Err(format!("block {block} does not decompress to the {unpacked} bytes it announces"));
             }
@@ -222,6 +234,71 @@ impl<'a> Arrays<'a> {
         self.budget.set(left);
         Ok(())
     }
+}
+
+impl Compressor {
+    /// Appends what a block holds; a block that holds more than `size` bytes fails or is cut, but is not unpacked whole.
+    fn unpack(self, packed: &[u8], size: u64, bytes: &mut Vec<u8>) -> Result<(), String> {
+        match self {
+            // One byte more than there should be tells a block that is too long.
+            Self::Zlib => {
+                let read = ZlibDecoder::new(packed).take(size.saturating_add(1)).read_to_end(bytes);
+                read.map(|_| ()).map_err(|error| error.to_string())
+            }
+            Self::Lz4 => {
+                let (start, size) = (bytes.len(), usize::try_from(size).map_err(|error| error.to_string())?);
+                bytes.resize(start + size, 0);
+                let there = lz4_flex::block::decompress_into(packed, &mut bytes[start..]);
+                bytes.truncate(start + there.map_err(|error| error.to_string())?);
+                Ok(())
+            }
+            Self::Lzma => {
+                if xz_size(packed) != Some(size) {
+                    return Err("its stream of XZ is damaged or holds another number of bytes".into());
+                }
+                let mut packed = packed;
+                lzma_rs::xz_decompress(&mut packed, bytes).map_err(|error| format!("{error:?}"))
+            }
+        }
+    }
+}
+
+/// How many bytes an XZ stream of one LZMA2 block holds, by the heads of its chunks: the decoder keeps a whole block in
+/// memory, whatever its size. (XZ format 1.1.0, sections 2.1 and 3.1; the chunks as in liblzma.)
+fn xz_size(stream: &[u8]) -> Option<u64> {
+    let block = stream.get(12..)?;
+    let mut rest = block.get(4 * (usize::from(*block.first()?) + 1)..)?;
+    let mut size = 0;
+    loop {
+        let (&control, tail) = rest.split_first()?;
+        let word = |at: usize| Some(u64::from(*tail.get(at)?) << 8 | u64::from(*tail.get(at + 1)?));
+        let (chunk, length) = match control {
+            0 => break,
+            1 | 2 => (word(0)? + 1, 2 + word(0)? + 1),
+            0x80.. => {
+                let properties = u64::from(control >= 0xC0);
+                (u64::from(control & 0x1F) << 16 | word(0)?, 4 + properties + word(2)? + 1)
+            }
+            _ => return None,
+        };
+        size += if control >= 0x80 { chunk + 1 } else { chunk };
+        rest = tail.get(usize::try_from(length).ok()?..)?;
+    }
+    // After the end mark: padding and a check of at most 64 bytes, then the index, which starts with 0 and the count 1.
+    let after = stream.len() - rest.len() + 1;
+    let check = match stream.get(7)? & 0xF {
+        0 => 0,
+        1 => 4,
+        4 => 8,
+        10 => 32,
+        _ => return None,
+    };
+    let index = after.next_multiple_of(4) + check;
+    // The footer's size of the index, to which the decoder adds 1.
+    if stream.get(stream.len() - 8..)?.starts_with(&[0xFF; 4]) {
+        return None;
+    }
+    (stream.get(index..index + 2)? == [0, 1]).then_some(size)
 }
 
 /// The line of a place in the file, counted from 1.

@@ -1,4 +1,4 @@
-//! VTK's two formats of unstructured grids: legacy `.vtk` and XML `.vtu`.
+//! VTK's two formats of unstructured grids and of polygons: legacy `.vtk` and XML `.vtu`, `.vtp`.
 //!
 //! Read by ourselves. vtkio 0.7.0-rc2, the one crate for both, reads good files well, but it believes the sizes it finds:
 //! a compressed `.vtu` of 957 bytes with one to three random changes made it panic in 4 % of 3,000 cases, and ask for 2 GB
@@ -15,6 +15,6 @@ mod xml;
 
 pub(super) use legacy::parse as parse_legacy;
 pub(super) use write_legacy::write_legacy;
-pub(super) use xml::parse as parse_xml;
+pub(super) use xml::{parse as parse_xml, read_pieces};
 
 pub use write_xml::{DataArray, Values, write_hexahedra_vtu, write_points_vtu, write_surface_vtu, write_vtu};

@@ -1,39 +1,87 @@
-//! XML `.vtu` files: text, base64 in place, appended raw or as base64, plain or compressed by zlib.
+//! XML files, `.vtu` and `.vtp`: text, base64 in place, appended raw or as base64, plain or compressed; `.pvtu` names such.
+
+use std::path::Path;
 
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion};
 
 use super::arrays::{Array, Arrays, Layout, line_at};
-use super::cells::Grid;
+use super::cells::{Grid, POLYGON, STRIP};
+use crate::mesh::io::cells::{Contents, vectors};
 use crate::mesh::io::numbers::Kind;
-use crate::mesh::io::tet_file::{TetFile, vectors};
 use crate::mesh::io::tokens::{Fault, find};
+use crate::mesh::io::{ReadError, at, read_bytes, text};
 
-/// Reads the points, tets and scalar cell data of an unstructured grid in one piece.
-pub(in crate::mesh::io) fn parse(bytes: &[u8]) -> Result<TetFile, Fault> {
-    // What is appended may be raw bytes, which are no XML.
+/// Reads the points, cells and scalar cell data of an unstructured grid, or the polygons of PolyData; several pieces are
+/// joined.
+pub(in crate::mesh::io) fn parse(bytes: &[u8]) -> Result<Contents, Fault> {
+    grid(bytes)?.into_contents()
+}
+
+/// Reads the pieces that a `.pvtu` names, relative to its folder, and joins them.
+pub(in crate::mesh::io) fn read_pieces(path: &Path, bytes: &[u8]) -> Result<Contents, ReadError> {
+    let mut outline = Outline::default();
+    let (text, _) = xml_part(bytes).map_err(at(path))?;
+    outline.read(text).map_err(at(path))?;
+    let mut grids = Vec::new();
+    for source in &outline.sources {
+        let piece = path.parent().unwrap_or(Path::new("")).join(source);
+        if !piece.is_file() {
+            let message = format!("the piece {source:?} is no file; it should be where this file says, beside it");
+            return Err(at(path)((None, message)));
+        }
+        let bytes = text::plain(&piece, read_bytes(&piece)?)?;
+        grids.push(grid(&bytes).map_err(at(&piece))?);
+    }
+    if grids.is_empty() {
+        return Err(at(path)((None, "the file names no pieces".into())));
+    }
+    Grid::joined(grids).and_then(Grid::into_contents).map_err(at(path))
+}
+
+fn grid(bytes: &[u8]) -> Result<Grid, Fault> {
+    let (text, end) = xml_part(bytes)?;
+    let mut outline = Outline::default();
+    outline.read(text)?;
+    outline.finish(bytes, end)
+}
+
+/// The XML up to what is appended, which may be raw bytes and so no XML, and where that starts.
+fn xml_part(bytes: &[u8]) -> Result<(&str, usize), Fault> {
     let appended = find(bytes, b"<AppendedData");
     let end = appended.and_then(|at| find(&bytes[at..], b">").map(|length| at + length + 1)).unwrap_or(bytes.len());
     let text = std::str::from_utf8(&bytes[..end]).map_err(|error| {
         let at = error.valid_up_to();
         (Some(line_at(bytes, at)), "the XML part of the file is not UTF-8: the file is damaged or no VTU".to_owned())
     })?;
-    let mut outline = Outline::default();
-    outline.read(text)?;
-    outline.finish(bytes, end)
+    Ok((text, end))
 }
 
 /// The file without its numbers: which arrays there are, and where.
 #[derive(Default)]
 struct Outline<'a> {
     layout: Option<Layout>,
-    /// Counts of points and cells.
-    piece: Option<[u64; 2]>,
+    /// Whether the file is PolyData, whose cells stand in a section for each kind and whose data is not read.
+    is_surface: bool,
+    pieces: Vec<Piece<'a>>,
     /// `Points`, `Cells`, `CellData` or another element that holds arrays.
     section: String,
-    arrays: Vec<(String, Array<'a>)>,
     /// Whether what is appended is base64; none when nothing is.
     appended_base64: Option<bool>,
+    /// The files that hold the pieces.
+    sources: Vec<String>,
+    /// Where all arrays start in what is appended.
+    offsets: Vec<u64>,
+}
+
+/// A part of the grid.
+#[derive(Default)]
+struct Piece<'a> {
+    points: u64,
+    /// Cells, or the polygons and strips of PolyData.
+    cells: [u64; 2],
+    /// With the section of each.
+    arrays: Vec<(String, Array<'a>)>,
 }
 
 impl<'a> Outline<'a> {
@@ -57,7 +105,8 @@ impl<'a> Outline<'a> {
                 (Event::Empty(tag), None) => self.open(&tag, at).map_err(here)?,
                 (Event::Text(_), Some(0)) => {
                     let place = at..reader.buffer_position() as usize;
-                    if let Some((_, array)) = self.arrays.last_mut().filter(|(_, array)| array.text.is_empty()) {
+                    let last = self.pieces.last_mut().and_then(|piece| piece.arrays.last_mut());
+                    if let Some((_, array)) = last.filter(|(_, array)| array.text.is_empty()) {
                         (array.text, array.at) = (&text.as_bytes()[place], at);
                     }
                 }
@@ -85,8 +134,10 @@ impl<'a> Outline<'a> {
         match tag.name().as_ref() {
             "VTKFile" => {
                 let kind = required("type")?;
-                if kind != "UnstructuredGrid" {
-                    return Err(format!("the file holds `{}`, not an UnstructuredGrid", kind.escape_default()));
+                self.is_surface = kind == "PolyData";
+                if !["UnstructuredGrid", "PolyData", "PUnstructuredGrid"].contains(&kind.as_str()) {
+                    let kind = kind.escape_default();
+                    return Err(format!("the file holds `{kind}`, neither an UnstructuredGrid nor PolyData"));
                 }
                 self.layout = Some(Layout::new(
                     attribute("byte_order")?.as_deref(),
@@ -95,14 +146,21 @@ impl<'a> Outline<'a> {
                 )?);
             }
             "Piece" => {
-                if self.piece.is_some() {
-                    return Err("the grid has several pieces; join them into one".into());
+                if let Some(source) = attribute("Source")? {
+                    self.sources.push(source);
+                    return Ok(());
                 }
                 let count = |name: &str| {
                     let text = required(name)?;
                     text.trim().parse().map_err(|_| format!("`{name}` is {text:?}, but should be a whole number >= 0"))
                 };
-                self.piece = Some([count("NumberOfPoints")?, count("NumberOfCells")?]);
+                let cells = if self.is_surface {
+                    let strips = if attribute("NumberOfStrips")?.is_some() { count("NumberOfStrips")? } else { 0 };
+                    [count("NumberOfPolys")?, strips]
+                } else {
+                    [count("NumberOfCells")?, 0]
+                };
+                self.pieces.push(Piece { points: count("NumberOfPoints")?, cells, arrays: Vec::new() });
             }
             "DataArray" => {
                 let components = attribute("NumberOfComponents")?.unwrap_or_else(|| "1".into());
@@ -119,53 +177,92 @@ impl<'a> Outline<'a> {
                     text: &[],
                     at,
                 };
-                self.arrays.push((self.section.clone(), array));
+                self.offsets.extend(array.offset);
+                // Data of the whole stands before the pieces.
+                if let Some(piece) = self.pieces.last_mut() {
+                    piece.arrays.push((self.section.clone(), array));
+                }
             }
             "AppendedData" => self.appended_base64 = Some(required("encoding")? == "base64"),
-            section @ ("Points" | "Cells" | "PointData" | "CellData" | "FieldData") => {
-                self.section = section.to_owned()
-            }
+            section @ ("Points" | "Cells" | "PointData" | "CellData" | "FieldData" | "Verts" | "Lines" | "Strips"
+            | "Polys") => self.section = section.to_owned(),
             _ => {}
         }
         Ok(())
     }
 
-    fn finish(self, bytes: &'a [u8], appended_from: usize) -> Result<TetFile, Fault> {
+    fn finish(self, bytes: &'a [u8], appended_from: usize) -> Result<Grid, Fault> {
         let layout = self.layout.ok_or_else(|| (Some(1), "there is no element `VTKFile`: it is no VTU".to_owned()))?;
-        let missing = |what: &str| (None, format!("there is no {what} in the file"));
-        let [points, cells] = self.piece.ok_or_else(|| missing("element `Piece`"))?;
-        let offsets = self.arrays.iter().filter_map(|(_, array)| array.offset).collect();
+        if self.pieces.is_empty() {
+            return Err(missing("element `Piece`"));
+        }
         let appended = self.appended_base64.map(|base64| (base64, appended_from));
-        let arrays = Arrays::new(layout, bytes, appended, offsets);
-        let within = |section: &'static str| {
-            self.arrays.iter().filter(move |(where_, _)| where_ == section).map(|(_, array)| array)
-        };
-        let of_cells = |name: &str| {
-            within("Cells").find(|array| array.name == name).ok_or_else(|| missing(&format!("array `{name}`")))
-        };
+        let arrays = Arrays::new(layout, bytes, appended, self.offsets.clone());
+        let there = self.pieces.iter().filter(|piece| piece.points > 0 || piece.cells != [0, 0]);
+        let mut grids = there
+            .map(|piece| if self.is_surface { piece.surface(&arrays, bytes) } else { piece.grid(&arrays, bytes) })
+            .collect::<Result<Vec<_>, _>>()?;
+        match grids.len() {
+            0 => Ok(Grid::default()),
+            1 => Ok(grids.remove(0)),
+            _ => Grid::joined(grids),
+        }
+    }
+}
 
-        let coordinates = within("Points").next().ok_or_else(|| missing("array of points"))?;
+fn missing(what: &str) -> Fault {
+    (None, format!("there is no {what} in the file"))
+}
+
+impl<'a> Piece<'a> {
+    fn within(&self, section: &'static str) -> impl Iterator<Item = &Array<'a>> {
+        self.arrays.iter().filter(move |(other, _)| other == section).map(|(_, array)| array)
+    }
+
+    fn array(&self, section: &'static str, name: &str) -> Result<&Array<'a>, Fault> {
+        self.within(section).find(|array| array.name == name).ok_or_else(|| missing(&format!("array `{name}`")))
+    }
+
+    fn coordinates(&self, arrays: &Arrays, bytes: &[u8]) -> Result<Vec<f64>, Fault> {
+        let coordinates = self.within("Points").next().ok_or_else(|| missing("array of points"))?;
         if coordinates.components != 3 {
             let message = format!("points have {} coordinates, not 3", coordinates.components);
             return Err((Some(line_at(bytes, coordinates.at)), message));
         }
+        Ok(arrays.decode(coordinates, Some(self.points))?.into_floats())
+    }
+
+    fn grid(&self, arrays: &Arrays, bytes: &[u8]) -> Result<Grid, Fault> {
+        let cells = self.cells[0];
         let mut cell_data = Vec::new();
-        for array in within("CellData").filter(|array| array.components == 1 && array.kind.is_some()) {
+        for array in self.within("CellData").filter(|array| array.components == 1 && array.kind.is_some()) {
             cell_data.push((array.name.clone(), arrays.decode(array, Some(cells))?.into_floats()));
         }
-        let grid = Grid {
-            coordinates: arrays.decode(coordinates, Some(points))?.into_floats(),
-            connectivity: arrays.integers(of_cells("connectivity")?, None)?,
-            ends: arrays.integers(of_cells("offsets")?, Some(cells))?,
-            types: arrays.integers(of_cells("types")?, Some(cells))?,
-            cell_data,
-        };
-        let mut file = grid.into_tets()?;
-        for array in within("PointData").filter(|array| array.components == 3 && array.kind.is_some()) {
-            let numbers = arrays.decode(array, Some(points))?.into_floats();
-            file.point_vectors.push((array.name.clone(), vectors(&numbers)));
+        let mut point_vectors = Vec::new();
+        for array in self.within("PointData").filter(|array| array.components == 3 && array.kind.is_some()) {
+            let numbers = arrays.decode(array, Some(self.points))?.into_floats();
+            point_vectors.push((array.name.clone(), vectors(&numbers)));
         }
-        Ok(file)
+        Ok(Grid {
+            coordinates: self.coordinates(arrays, bytes)?,
+            connectivity: arrays.integers(self.array("Cells", "connectivity")?, None)?,
+            ends: arrays.integers(self.array("Cells", "offsets")?, Some(cells))?,
+            types: arrays.integers(self.array("Cells", "types")?, Some(cells))?,
+            cell_data,
+            point_vectors,
+        })
+    }
+
+    fn surface(&self, arrays: &Arrays, bytes: &[u8]) -> Result<Grid, Fault> {
+        let mut grid = Grid { coordinates: self.coordinates(arrays, bytes)?, ..Grid::default() };
+        for (section, count, kind) in [("Polys", self.cells[0], POLYGON), ("Strips", self.cells[1], STRIP)] {
+            if count > 0 {
+                let connectivity = arrays.integers(self.array(section, "connectivity")?, None)?;
+                let ends = arrays.integers(self.array(section, "offsets")?, Some(count))?;
+                grid.extend(&connectivity, &ends, kind);
+            }
+        }
+        Ok(grid)
     }
 }
 
