@@ -3,12 +3,14 @@
 use std::path::{Component, Path, PathBuf};
 use std::time::Duration;
 
+use super::boundary;
 use super::error::{ConfigError, EXAMPLE, Fault};
 use super::limits::{duration, positive, whole};
 use super::map::{self, InitialMap};
 use super::mesh::{self, MeshPlan};
 use super::{Config, ConfigSource, ObjectiveName, OptimizeTable, PolishName, solid};
 use crate::bound::certificate::DEFAULT_TIME_LIMIT;
+use crate::map::CornerChoice;
 use crate::mesh::Unit;
 use crate::mesh::io::{ReadError, holds_a_surface, holds_tets};
 use crate::optimize::{Objective, OptimizeSettings, Polish};
@@ -35,6 +37,8 @@ pub struct Plan {
     pub mesh: MeshPlan,
     /// The map to start from.
     pub map: InitialMap,
+    /// How it behaves at the corners of the solid.
+    pub corners: CornerChoice,
     /// How the map is improved.
     pub optimize: OptimizeSettings,
     /// The longest search for a Gram certificate; none if there shall be no search.
@@ -77,6 +81,7 @@ impl Plan {
     }
 
     pub(super) fn new(source: &ConfigSource, config: &Config) -> Result<Self, Fault> {
+        let map = map::plan(config)?;
         Ok(Self {
             name: name(source.path(), config)?,
             source: source.clone(),
@@ -86,7 +91,8 @@ impl Plan {
             keep_mesh: config.domain.keep_mesh,
             centre: solid::centre(config)?,
             mesh: mesh::plan(&config.mesh, source.path())?,
-            map: map::plan(config)?,
+            corners: boundary::corners(config, &map)?,
+            map,
             optimize: optimize(config)?,
             certify: certify(config)?,
         })

@@ -2,7 +2,7 @@
 
 use super::recorder::Part;
 use crate::domain::Domain;
-use crate::mesh::{TetId, TetMesh, Vec3, VertexId};
+use crate::mesh::{TetId, Vec3, VertexId};
 use crate::objective::Assembly;
 
 /// Free vertices about the tets of large K, with all tets that they touch.
@@ -66,14 +66,8 @@ impl Region {
         let mut vertices: Vec<u32> = chosen.iter().flat_map(|&t| tets[t as usize].map(|v| v.0)).collect();
         vertices.sort_unstable();
         vertices.dedup();
-        let local = |v: VertexId| VertexId(vertices.binary_search(&v.0).expect("every corner is listed") as u32);
-        let mesh = TetMesh::new(
-            vertices.iter().map(|&v| domain.mesh().points()[v as usize]).collect(),
-            chosen.iter().map(|&t| tets[t as usize].map(local)).collect(),
-        )
-        .expect("tets of a valid mesh");
         Some(Self {
-            domain: Domain::any_topology(mesh).expect("triangles of a valid mesh"),
+            domain: domain.part(&vertices, &chosen),
             fixed: vertices.iter().map(|&v| !free(VertexId(v))).collect(),
             part: Part { vertices, tets: chosen.into_iter().map(TetId).collect() },
         })
