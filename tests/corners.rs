@@ -114,7 +114,7 @@ fn verify_refuses_other_exponents_and_cones() {
     fs::write(&report, told.replace("\"exponent\": 1.3", "\"exponent\": 1.31")).unwrap();
     let (code, said, _) = qcball(folder.path(), &["verify", "run"]);
     assert!(code == 1 && said.contains("the exponents at the corners are not 1.3"), "{said}");
-    assert!(said.contains("in cells.csv, but lies in"), "{said}");
+    assert!(said.contains("FAILS  K_I, K_O and K of every tet lie between their proved ends"), "{said}");
 }
 
 #[test]
