@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::dilatation::{Dilatation, null_is_infinite};
 use crate::domain::Domain;
+use crate::map::Elements;
 use crate::mesh::{Orientation, TetId, Vec3, orientation};
 
 /// What was measured of one piecewise-linear map, from domain and image positions alone.
@@ -98,6 +99,28 @@ pub fn measure(domain: &Domain, image: &[Vec3]) -> Measured {
     let flipped: Vec<TetId> =
         (0..).map(TetId).zip(&positive).filter(|(_, positive)| !**positive).map(|(t, _)| t).collect();
     let summary = summarize(domain.volumes(), &dilatations, &positive);
+    Measured { dilatations, flipped, summary }
+}
+
+/// Measures the map that is the piecewise-linear one to `image` after the warps of corners, by its elements: each tet has the largest
+/// K_I and K_O of any of its points. Maxima are exact; means and quantiles count each element once, and weigh it by its part of
+/// the tet's volume.
+///
+/// # Panics
+/// If `image` has fewer positions than the domain has vertices.
+pub fn measure_elements(domain: &Domain, elements: &Elements, image: &[Vec3]) -> Measured {
+    let of_elements = measure(&elements.domain, image);
+    let tets = domain.mesh().tets().len();
+    let (first, further) = of_elements.dilatations.split_at(tets);
+    let mut dilatations = first.to_vec();
+    for (dilatation, owner) in further.iter().zip(&elements.owners[tets..]) {
+        let largest = &mut dilatations[owner.index()];
+        largest.inner = largest.inner.max(dilatation.inner);
+        largest.outer = largest.outer.max(dilatation.outer);
+    }
+    // The elements of a tet are flipped together.
+    let flipped: Vec<TetId> = of_elements.flipped.into_iter().filter(|tet| tet.index() < tets).collect();
+    let summary = Summary { flipped: flipped.len(), ..of_elements.summary };
     Measured { dilatations, flipped, summary }
 }
 

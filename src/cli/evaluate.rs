@@ -10,7 +10,8 @@ use super::output::{note, print};
 use super::{Ending, Failure};
 use crate::map::{Evaluator, EvaluatorError, Located, Onto, bijectivity};
 use crate::mesh::Vec3;
-use crate::mesh::io::{DataArray, Values, check_points_can_be_written, read_points};
+use crate::mesh::io::{DataArray, Values, check_points_can_be_written, read_points, read_tet_file};
+use crate::report::read_corners;
 
 /// The map, the points and what to do with them.
 #[derive(Debug, Args)]
@@ -43,6 +44,8 @@ enum Target {
 pub(crate) enum EvaluateFailure {
     #[error("{} has no domain.vtu and image.vtu; name the folder of a run", folder.display())]
     NoMap { folder: PathBuf },
+    #[error("{}: {message}; copy the folder as a whole, or run its config again", folder.display())]
+    Corners { folder: PathBuf, message: String },
     #[error("{}: {error}", folder.display())]
     Map { folder: PathBuf, error: EvaluatorError },
 }
@@ -62,8 +65,15 @@ pub(super) fn evaluate(arguments: &EvaluateArguments) -> Result<Ending, Failure>
         Target::Polyhedron => Onto::Polyhedron,
         Target::Ball => Onto::Ball,
     };
+    let data = read_tet_file(&domain)?.cell_data;
+    let corners = read_corners(folder, &map.domain, &data)
+        .map_err(|message| EvaluateFailure::Corners { folder: folder.clone(), message })?;
     let evaluator = Evaluator::new(&map.domain, &map.image, onto)
         .map_err(|error| EvaluateFailure::Map { folder: folder.clone(), error })?;
+    let evaluator = match &corners {
+        Some(corners) => evaluator.with_corners(corners),
+        None => evaluator,
+    };
     if *inverse {
         let proved = bijectivity(&map.domain, &map.image);
         if !proved.bijective {

@@ -84,14 +84,7 @@ impl ConfigError {
 
     pub(super) fn content(path: &Path, text: &str, span: Option<Range<usize>>, message: String, help: String) -> Self {
         let line = span.as_ref().map(|span| 1 + text.as_bytes()[..span.start].iter().filter(|&&b| b == b'\n').count());
-        Self::Content {
-            path: path.to_path_buf(),
-            line,
-            message,
-            help,
-            text: text.to_string(),
-            span,
-        }
+        Self::Content { path: path.to_path_buf(), line, message, help, text: text.to_string(), span }
     }
 }
 

@@ -5,6 +5,7 @@
 
 mod analytic;
 mod bench;
+mod boundary;
 mod error;
 mod limits;
 mod map;
@@ -50,6 +51,8 @@ pub struct Config {
     pub mesh: MeshTable,
     /// The map to start from.
     pub map: MapTable,
+    /// What the map is like at the boundary.
+    pub boundary: BoundaryTable,
     /// How the map is improved.
     pub optimize: OptimizeTable,
     /// What `qcball sweep` varies; a single run takes no notice of it.
@@ -207,6 +210,37 @@ pub enum MeshKind {
     Tetgen,
     /// The program Gmsh.
     Gmsh,
+}
+
+/// The table `[boundary]`.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct BoundaryTable {
+    /// How the map behaves at the corners of the solid. Default: "linear", piecewise linear as everywhere. A number p > 0: like r^p of
+    /// the distance r, with that exponent at every corner; "power": with the exponents that make the largest K least, found by a
+    /// scan, which takes several optimizations. A corner of a flag mesh has the cones of its flags for this, one of another mesh the
+    /// tets around it, none of which may have two corners.
+    pub corners: Option<CornersValue>,
+}
+
+/// The value of `boundary.corners`.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(untagged, expecting = "corners are \"linear\", \"power\" or a number")]
+pub enum CornersValue {
+    /// One of the named ways.
+    Named(CornersName),
+    /// The exponent of every corner.
+    Exponent(f64),
+}
+
+/// How a map behaves at corners.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum CornersName {
+    /// Piecewise linear.
+    Linear,
+    /// Like powers of the distance.
+    Power,
 }
 
 /// The table `[map]`.

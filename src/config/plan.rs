@@ -3,12 +3,14 @@
 use std::path::{Component, Path, PathBuf};
 use std::time::Duration;
 
+use super::boundary;
 use super::error::{ConfigError, EXAMPLE, Fault};
 use super::limits::{duration, positive, whole};
 use super::map::{self, InitialMap};
 use super::mesh::{self, MeshPlan};
 use super::{Config, ConfigSource, DomainTable, MapKind, ObjectiveName, OptimizeTable, PolishName, solid};
 use crate::bound::certificate::DEFAULT_TIME_LIMIT;
+use crate::map::CornerChoice;
 use crate::mesh::Unit;
 use crate::mesh::io::{ReadError, SolidFile, SurfaceFormat, TetFormat, read_solid};
 use crate::optimize::{Objective, OptimizeSettings, Polish};
@@ -37,6 +39,8 @@ pub struct Plan {
     pub mesh: MeshPlan,
     /// The map to start from.
     pub map: InitialMap,
+    /// How it behaves at the corners of the solid.
+    pub corners: CornerChoice,
     /// How the map is improved.
     pub optimize: OptimizeSettings,
     /// The longest search for a Gram certificate; none if there shall be no search.
@@ -81,6 +85,7 @@ impl Plan {
     pub(super) fn new(source: &ConfigSource, config: &Config) -> Result<Self, Fault> {
         let domain = domain(source.path(), config)?;
         let is_mesh = matches!(domain, DomainSource::Mesh(_));
+        let map = map::plan(config, is_mesh)?;
         Ok(Self {
             name: name(source.path(), config)?,
             source: source.clone(),
@@ -90,8 +95,9 @@ impl Plan {
             keep_mesh: config.domain.keep_mesh,
             centre: solid::centre(config)?,
             mesh: mesh::plan(&config.mesh, source.path())?,
-            map: map::plan(config, is_mesh)?,
             domain,
+            corners: boundary::corners(config, &map)?,
+            map,
             optimize: optimize(config)?,
             certify: certify(config)?,
         })

@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use crate::bound::Contradiction;
-use crate::map::RayError;
 use crate::map::analytic::MapError;
+use crate::map::{CornerError, RayError};
 use crate::mesh::io::ReadError;
 use crate::mesh::{MeshError, TopologyError};
 use crate::optimize::OptimizeError;
@@ -73,6 +73,12 @@ pub enum Fault {
     /// No flag mesh.
     #[error(transparent)]
     Flag(#[from] FlagError),
+    /// No warps of the corners.
+    #[error("boundary.corners: {0}")]
+    Corner(#[from] CornerError),
+    /// Powers at corners that a solid has not.
+    #[error("boundary.corners: the solid has no corners; remove the key")]
+    NoCorners,
     /// No mesh from TetGen or Gmsh.
     #[error(transparent)]
     External(#[from] ExternalError),

@@ -1,5 +1,6 @@
 //! One run from plan to report: a call for each stage.
 
+mod corners;
 mod error;
 mod optimize_map;
 mod record;
@@ -12,15 +13,18 @@ use crate::bound::confront;
 use crate::cancel::Cancel;
 use crate::config::Plan;
 use crate::domain::Domain;
-use crate::measure::{Measured, measure_onto_ball};
+use crate::map::Corners;
+use crate::measure::Measured;
 use crate::mesh::{TetId, Unit, Vec3};
-use crate::optimize::{Outcome, StopReason, TraceRow, untangle_and_optimize};
+use crate::optimize::{Outcome, StopReason, TraceRow, Untangled, untangle_and_optimize};
 use crate::report::{MapRecord, Report, Times, UntanglingFigures, trace_hash};
 
 pub use error::{Fault, RunError};
 pub use optimize_map::{GivenMap, OptimizedMap, optimize_map, read_locks};
 pub(crate) use record::{Course, Heading, bounds, record};
 pub(crate) use start::Start;
+
+use corners::optimize_corners;
 
 /// Relative distance below the largest K within which a tet counts as active.
 const ACTIVE: f64 = 1e-3;
@@ -32,6 +36,8 @@ pub struct Finished {
     pub report: Report,
     /// The domain.
     pub domain: Domain,
+    /// The corners of the map, with their exponents; `None` where it is piecewise linear.
+    pub corners: Option<Corners>,
     /// Image positions started from.
     pub initial: Vec<Vec3>,
     /// The optimised positions and the trace.
@@ -53,6 +59,7 @@ impl Finished {
     pub fn record(&self) -> MapRecord<'_> {
         MapRecord {
             domain: &self.domain,
+            corners: self.corners.as_ref(),
             initial: &self.initial,
             image: &self.outcome.positions,
             measured_initial: &self.measured_initial,
@@ -92,17 +99,16 @@ pub fn on_threads<T: Send>(threads: usize, job: impl FnOnce() -> T + Send) -> Re
 fn stages(plan: &Plan, observe: &mut dyn FnMut(&TraceRow)) -> Result<Finished, RunError> {
     let clock = Instant::now();
     let cancel = &plan.optimize.cancel;
-    let start = match Start::of(plan) {
+    let mut start = match Start::of(plan) {
         // A mesher that was ended is no fault of the input.
         Err(_) if cancel.is_raised() => return Err(RunError::Interrupted),
         start => start?,
     };
+    let (untangled, outcome) = optimized(&mut start, plan, observe).map_err(RunError::at(&start.origin.clone()))?;
     let domain = &start.domain;
-    let measured_initial = measure_onto_ball(domain, &start.image);
-    let fixed = domain.boundary().vertex_mask();
-    let (untangled, outcome) = untangle_and_optimize(domain, &start.image, fixed, &plan.optimize, observe)
-        .map_err(RunError::at(&start.origin))?;
-    let measured = measure_onto_ball(domain, &outcome.positions);
+    // With the exponents arrived at, where corners have any.
+    let measured_initial = start.measure(&start.image);
+    let measured = start.measure(&outcome.positions);
     let search = |limit| certificate::search(domain, &outcome.positions, &cancel.within(limit));
     let certificate = plan.certify.and_then(search);
     let bounds = bounds(&start, &outcome.positions, certificate.as_ref(), cancel);
@@ -126,8 +132,23 @@ fn stages(plan: &Plan, observe: &mut dyn FnMut(&TraceRow)) -> Result<Finished, R
         trace_hash(&outcome.trace),
     );
     let active = measured.active(ACTIVE);
-    let Start { domain, image: initial, units, .. } = start;
-    Ok(Finished { report, domain, initial, outcome, measured_initial, measured, active, certificate, units })
+    let Start { domain, image: initial, corners, units, .. } = start;
+    Ok(Finished { report, domain, corners, initial, outcome, measured_initial, measured, active, certificate, units })
+}
+
+/// Optimizes the images of the vertices, and the exponents of corners if the plan leaves them open.
+fn optimized(
+    start: &mut Start,
+    plan: &Plan,
+    observe: &mut dyn FnMut(&TraceRow),
+) -> Result<(Untangled, Outcome), Fault> {
+    let (domain, image, settings) = (&start.domain, &start.image, &plan.optimize);
+    let Some(corners) = start.corners.take() else {
+        return Ok(untangle_and_optimize(domain, image, domain.boundary().vertex_mask(), settings, observe)?);
+    };
+    let (untangled, outcome, corners) = optimize_corners(domain, image, corners, plan.corners, settings, observe)?;
+    start.corners = Some(corners);
+    Ok((untangled, outcome))
 }
 
 /// The stop reason of a run that was interrupted at any stage: what was to follow is not whole.

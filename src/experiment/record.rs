@@ -3,16 +3,18 @@
 use super::ACTIVE;
 use super::start::Start;
 use crate::bound::certificate::{self, Certificate};
-use crate::bound::{self, LowerBound};
+use crate::bound::{self, LowerBound, Scope};
 use crate::cancel::Cancel;
 use crate::config::ConfigSource;
 use crate::dilatation::lower_bound;
 use crate::domain::Domain;
-use crate::map::bijectivity;
+use crate::map::{Corners, bijectivity};
 use crate::measure::{Bottleneck, Measured, bottleneck};
-use crate::mesh::{Place, Vec3};
+use crate::mesh::{Place, Vec3, VertexId};
 use crate::optimize::{KktResidual, StopReason};
-use crate::report::{Achieved, BallFigures, BestBound, DomainFigures, Limit, Report, Splits, Times, UntanglingFigures};
+use crate::report::{
+    Achieved, BallFigures, BestBound, CornerFigures, DomainFigures, Limit, Report, Splits, Times, UntanglingFigures,
+};
 
 /// Under which name and from what a run was made.
 pub(crate) struct Heading<'a> {
@@ -66,8 +68,35 @@ pub(crate) fn bounds(
 ) -> Vec<LowerBound> {
     let (domain, centre) = (&start.domain, start.centre.map(|centre| centre.position));
     let mut bounds = bound::all_until(domain, image, centre, centre.is_some(), cancel);
+    if let Some(corners) = &start.corners {
+        bounds.retain_mut(|bound| speaks_of_warped(bound, domain, corners));
+    }
     bounds.extend(certificate.and_then(|found| certificate::bound(found, domain, image).ok()));
     bounds
+}
+
+/// Whether a bound holds for maps whose corners are warped, which are not piecewise linear; words its scope accordingly.
+///
+/// A bound for all quasi-conformal maps does. Of those for maps of the mesh, the ones by the dihedral angles at one edge do, if that
+/// edge is in no warped cone or on a line through the corner: a warp takes each half-plane through the corner to itself, so
+/// that near an inner point of such an edge the angles are those of the piecewise-linear map.
+fn speaks_of_warped(bound: &mut LowerBound, domain: &Domain, corners: &Corners) -> bool {
+    if bound.scope != Scope::MeshFixedBoundary {
+        return bound.scope == Scope::Shape;
+    }
+    let Some(Place::Edge { vertices, .. }) = &bound.place else { return false };
+    let ends = vertices.map(VertexId);
+    let at = |v: VertexId| domain.mesh().points()[v.index()];
+    let radial = |corner: VertexId| {
+        let [a, b] = ends.map(|v| at(v) - at(corner));
+        ends.contains(&corner) || a.cross(&b).norm() <= 1e-9 * a.norm() * b.norm()
+    };
+    let around =
+        domain.mesh().tets().iter().zip(corners.of_tets()).filter(|(tet, _)| ends.iter().all(|v| tet.contains(v)));
+    let mut cones = around.filter_map(|(_, cone)| cone.map(|cone| corners.cones()[cone as usize].corner));
+    let holds = matches!(&*bound.name, "edge-ratio" | "fan") && cones.all(radial);
+    bound.reason = "any map of this mesh with these boundary positions, PL but for powers at the corners".into();
+    holds
 }
 
 /// The record of a run that went from `start` to `image`; `before` and `after` are the two maps, measured.
@@ -85,7 +114,14 @@ pub(crate) fn record(
     bounds.iter_mut().for_each(|bound| bound.place = bound.place.take().map(given_back));
     let bottleneck = bottleneck(domain, after).map(|found| Bottleneck { place: given_back(found.place), ..found });
     let bijectivity = bijectivity(domain, image);
-    let ball = BallFigures::of(domain, image, &bounds, &after.summary);
+    let ball = match start.corners {
+        None => BallFigures::of(domain, image, &bounds, &after.summary),
+        Some(_) => BallFigures {
+            ball_fraction: None,
+            ball_reason: Some("it is not computed of a map with powers at the corners".into()),
+            ..BallFigures::of(domain, image, &bounds, &after.summary)
+        },
+    };
     let warnings = start.warnings.iter().cloned().chain(locked_warning(domain, &bounds)).collect();
     Report {
         name: heading.name.into(),
@@ -99,6 +135,7 @@ pub(crate) fn record(
         domain: DomainFigures::of(domain, start.origin.clone(), start.centre.as_ref()).given_back(unit),
         refinement: start.refinement,
         map: start.map.clone(),
+        corners: start.corners.as_ref().map(|corners| CornerFigures::of(domain, corners, unit)),
         bijective: bijectivity.bijective,
         bijective_reason: bijectivity.reason,
         bottleneck,

@@ -2,10 +2,12 @@
 
 use std::path::Path;
 
+use super::corners::{Flags, corners};
 use super::error::{Fault, RunError};
 use crate::config::{DomainSource, InitialMap, MeshPlan, Plan};
 use crate::domain::Domain;
-use crate::map::{AnalyticMap, RadialCoordinates, RayEnd, caraman};
+use crate::map::{AnalyticMap, Corners, RadialCoordinates, RayEnd, caraman};
+use crate::measure::{Measured, measure_elements, measure_onto_ball};
 use crate::mesh::io::{ReadError, SolidFile, read_solid, read_surface};
 use crate::mesh::{Orientation, PolygonSoup, TetMesh, TetSoup, Unit, Vec3, full_boundary, orientation};
 use crate::report::{MapFigures, RefinementFigures, Splits};
@@ -33,11 +35,33 @@ pub(crate) struct Start {
     pub refinement: Option<RefinementFigures>,
     /// The splits that freed locked tets, if the mesh was not made in shells and needed any.
     pub splits: Option<Splits>,
+    /// The flags of a flag mesh.
+    pub flags: Option<Flags>,
+    /// The corners of a map that is not piecewise linear there.
+    pub corners: Option<Corners>,
     pub warnings: Vec<String>,
 }
 
 impl Start {
     pub fn of(plan: &Plan) -> Result<Self, RunError> {
+        Self::without_corners(plan)?.with_corners(plan)
+    }
+
+    /// The cones of the corners, if the plan warps them.
+    fn with_corners(self, plan: &Plan) -> Result<Self, RunError> {
+        let corners = corners(&self.domain, self.flags.as_ref(), plan.corners).map_err(RunError::at(&self.origin))?;
+        Ok(Self { corners, ..self })
+    }
+
+    /// Measures the map with these images of the vertices, onto the ball too where it is piecewise linear.
+    pub fn measure(&self, image: &[Vec3]) -> Measured {
+        match &self.corners {
+            None => measure_onto_ball(&self.domain, image),
+            Some(corners) => measure_elements(&self.domain, &corners.elements(&self.domain), image),
+        }
+    }
+
+    fn without_corners(plan: &Plan) -> Result<Self, RunError> {
         match &plan.domain {
             DomainSource::Solid(solid) => {
                 let origin = solid.to_string();
@@ -78,13 +102,14 @@ impl Start {
         };
         let origin = path.map_or_else(|| plan.domain.to_string(), |path| named(path, unit));
         check_filled(domain.mesh(), &surface, settings).map_err(RunError::at(&origin))?;
-        let plan = plan.in_unit(unit);
+        let (plan_as_given, plan) = (plan, plan.in_unit(unit));
         let mut start = Self::of_domain(domain, &surface, &plan, unit).map_err(RunError::at(&origin))?;
         start.warn_of(&surface);
-        match path {
-            Some(path) => start.of_file(path, unit),
-            None => Ok(Self { origin, ..start }),
-        }
+        let start = match path {
+            Some(path) => start.of_file(path, unit)?,
+            None => Self { origin, ..start },
+        };
+        start.with_corners(plan_as_given)
     }
 
     /// What came from a file, its domain counted in a unit; from here on the unit follows from its size, so that nothing
@@ -132,7 +157,8 @@ impl Start {
             MeshPlan::Flag(settings) => {
                 let centre = star_centre(surface, &plan.centre)?;
                 let flags = flag_mesh(surface, centre.position, settings)?;
-                Self::of_domain(Domain::new(flags.mesh)?, surface, plan, unit)?
+                let of_mesh = Flags::of(&flags);
+                Self { flags: Some(of_mesh), ..Self::of_domain(Domain::new(flags.mesh)?, surface, plan, unit)? }
             }
             MeshPlan::External(settings) => Self::of_domain(
                 Domain::new(external_mesh(surface, settings, &plan.optimize.cancel)?)?,
@@ -218,6 +244,8 @@ impl Start {
             map,
             refinement: None,
             splits: None,
+            flags: None,
+            corners: None,
             warnings: Vec::new(),
         }
     }
@@ -250,8 +278,8 @@ impl Start {
             Unit::of_extreme(image.iter().zip(domain.boundary().vertex_mask()).filter(|(_, on)| **on).map(|(p, _)| p));
         let (image, units) = (unit.take_points(&image), [Unit::default(), unit]);
         let (origin, input_hash, centre, refinement) = (String::new(), None, None, None);
-        let (splits, warnings) = (None, Vec::new());
-        Ok(Self { origin, input_hash, domain, units, centre, image, map, refinement, splits, warnings })
+        let (splits, flags, corners, warnings) = (None, None, None, Vec::new());
+        Ok(Self { origin, input_hash, domain, units, centre, image, map, refinement, splits, flags, corners, warnings })
     }
 }
 

@@ -10,6 +10,6 @@ mod radial;
 
 pub use analytic::AnalyticMap;
 pub use bijective::{Bijectivity, bijectivity};
-pub use corner::{Cone, CornerError, Corners, Warp};
+pub use corner::{Cone, CornerChoice, CornerError, Corners, Elements, Warp};
 pub use evaluate::{Evaluator, EvaluatorError, Located, Onto};
 pub use radial::{RadialCoordinates, RayEnd, RayError, Rays, by_ray_casting, caraman};

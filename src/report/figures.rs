@@ -5,6 +5,8 @@ use serde::{Deserialize, Serialize};
 use crate::bound::{LowerBound, Scope, best_applicable};
 use crate::dilatation::null_is_infinite;
 use crate::domain::Domain;
+use crate::map::Corners;
+use crate::map::corner::solid_angles;
 use crate::measure::{Summary, ball_fraction};
 use crate::mesh::{TetId, Unit, Vec3, VertexId, smallest_dihedral_angle};
 use crate::optimize::Untangled;
@@ -68,6 +70,35 @@ impl DomainFigures {
             kernel_radius: self.kernel_radius.map(|radius| unit.give_back(radius, 1)),
             ..self
         }
+    }
+}
+
+/// A corner at which a map is like a power of the distance.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CornerFigures {
+    /// The vertex.
+    pub vertex: VertexId,
+    /// Where it is, in the solid's units.
+    pub position: [f64; 3],
+    /// The solid angle of the domain there, in steradians.
+    pub solid_angle: f64,
+    /// The exponent p > 0 of the distance.
+    pub exponent: f64,
+}
+
+impl CornerFigures {
+    /// The corners of a domain whose lengths are counted in `unit`.
+    pub(crate) fn of(domain: &Domain, corners: &Corners, unit: Unit) -> Vec<Self> {
+        let exponents = corners.exponents();
+        let vertices: Vec<VertexId> = exponents.iter().map(|(vertex, _)| *vertex).collect();
+        let angles = solid_angles(domain, &vertices);
+        let figures = |((vertex, exponent), solid_angle): ((VertexId, f64), f64)| Self {
+            vertex,
+            position: domain.mesh().points()[vertex.index()].map(|x| unit.give_back(x, 1)).into(),
+            solid_angle,
+            exponent,
+        };
+        exponents.into_iter().zip(angles).map(figures).collect()
     }
 }
 

@@ -1,6 +1,7 @@
 //! The record of a run, and the files, the summary and the page that are views of it.
 
 mod achieved;
+mod corners;
 mod figures;
 mod html;
 mod limit;
@@ -9,7 +10,10 @@ mod results;
 mod summary;
 
 pub use achieved::{Achieved, MapReport};
-pub use figures::{BallFigures, BestBound, DomainFigures, MapFigures, RefinementFigures, Splits, UntanglingFigures};
+pub(crate) use corners::{CORNERS, read_corners};
+pub use figures::{
+    BallFigures, BestBound, CornerFigures, DomainFigures, MapFigures, RefinementFigures, Splits, UntanglingFigures,
+};
 pub use html::{PageError, write_pages, write_pages_of};
 pub use limit::{Limit, LimitedBy};
 pub(crate) use results::{CellRow, FILES, START, trace_hash};
@@ -52,6 +56,8 @@ pub struct Report {
     /// The map started from, before it was measured.
     #[serde(flatten)]
     pub map: MapFigures,
+    /// The corners at which the map is like a power of the distance; `null` if it is piecewise linear.
+    pub corners: Option<Vec<CornerFigures>>,
     /// Whether the final map is a bijection onto its image.
     pub bijective: bool,
     /// Why it is, or is not, or is not known to be.

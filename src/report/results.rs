@@ -5,11 +5,13 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use super::corners::{CONE, CORNERS, cone_numbers, cone_rows};
 use super::figures::boundary_flags;
 use super::{Report, summary};
 use crate::bound::certificate::Certificate;
 use crate::dilatation::Dilatation;
 use crate::domain::Domain;
+use crate::map::Corners;
 use crate::measure::Measured;
 use crate::mesh::io::{DataArray, Values, WriteError, write_atomically, write_vtu};
 use crate::mesh::{TetId, Unit, Vec3};
@@ -25,6 +27,8 @@ pub(crate) const START: &str = "start position";
 pub struct MapRecord<'a> {
     /// The domain.
     pub domain: &'a Domain,
+    /// The corners of the map, with their exponents; `None` where it is piecewise linear.
+    pub corners: Option<&'a Corners>,
     /// Image positions started from.
     pub initial: &'a [Vec3],
     /// Image positions arrived at.
@@ -44,7 +48,8 @@ pub struct MapRecord<'a> {
 }
 
 /// Writes `report.json`, `summary.txt`, `trace.csv`, `cells.csv`, `domain.vtu` and `image.vtu` into `folder`, made if
-/// missing, and `certificate.json` if there is a certificate; one of an earlier run is removed.
+/// missing, `corners.csv` if the map has corners and `certificate.json` if there is a certificate; those of an earlier run are
+/// removed.
 ///
 /// The report comes last: where it stands, the rest does.
 ///
@@ -54,7 +59,9 @@ pub fn write_results(folder: &Path, report: &Report, record: &MapRecord) -> Resu
     write_trace(&folder.join("trace.csv"), record.trace)?;
     let cells = Cells::of(record);
     write_csv(&folder.join("cells.csv"), cells.rows(record))?;
-    let data = cells.arrays();
+    let mut data = cells.arrays().to_vec();
+    let cones = record.corners.map(cone_numbers);
+    data.extend(cones.as_ref().map(|cones| DataArray { name: CONE, values: Values::Scalars(cones) }));
     let [unit, of_image] = record.units;
     let points = &unit.give_back_points(record.domain.mesh().points());
     let [start, image] = &[record.initial, record.image].map(|positions| of_image.give_back_points(positions));
@@ -67,6 +74,11 @@ pub fn write_results(folder: &Path, report: &Report, record: &MapRecord) -> Resu
             DataArray { name: START, values: Values::Vectors(start) },
         ];
         write_vtu(&folder.join(name), shown, record.domain.mesh().tets(), &point_data, &data)?;
+    }
+    let corners = folder.join(CORNERS);
+    match record.corners {
+        Some(corners_of_map) => write_csv(&corners, cone_rows(corners_of_map))?,
+        None => drop(std::fs::remove_file(&corners)),
     }
     let certificate = folder.join("certificate.json");
     match record.certificate {

@@ -1,8 +1,8 @@
 //! What a person reads of a run in a terminal.
 
 use super::{
-    BallFigures, BestBound, DomainFigures, Limit, MapFigures, MapReport, RefinementFigures, Report, Splits, Times,
-    UntanglingFigures,
+    BallFigures, BestBound, CornerFigures, DomainFigures, Limit, MapFigures, MapReport, RefinementFigures, Report,
+    Splits, Times, UntanglingFigures,
 };
 use crate::bound::{Kind, LowerBound, Scope};
 use crate::dilatation::{lower_bound, number, upper_bound};
@@ -43,6 +43,7 @@ pub fn summary(report: &Report) -> String {
         report.refinement.map(|refinement| refinement_in_words(refinement, domain)).unwrap_or_default(),
         report.achieved.splits.map(splits_in_words).unwrap_or_default(),
         map_in_words(&report.map).map(|map| labelled("map", &map)).unwrap_or_default(),
+        report.corners.as_ref().map(|corners| labelled("corners", &corners_in_words(corners))).unwrap_or_default(),
         format!("\n{}\n", dilatations(&[("start", &report.achieved.initial), ("final", &report.achieved.last)])),
         report
             .achieved
@@ -86,6 +87,19 @@ fn refinement_in_words(refinement: RefinementFigures, domain: &DomainFigures) ->
         domain.tets
     );
     labelled("", &text)
+}
+
+/// How the map behaves at the corners.
+fn corners_in_words(corners: &[CornerFigures]) -> String {
+    let exponents = || corners.iter().map(|corner| corner.exponent);
+    let (least, most) = (exponents().fold(f64::INFINITY, f64::min), exponents().fold(0.0, f64::max));
+    let of = if format!("{least:.4}") == format!("{most:.4}") {
+        format!("p = {least:.4}")
+    } else {
+        format!("p from {least:.4} to {most:.4}")
+    };
+    let count = corners.len();
+    format!("like r^p of the distance r from {count} corner{}, {of}; K is the largest in each tet", s(count))
 }
 
 fn splits_in_words(splits: Splits) -> String {

@@ -55,6 +55,7 @@ fn write(flip: bool) -> (tempfile::TempDir, Report) {
         bijective_reason: "no tet is flipped".into(),
         bottleneck: bottleneck(&domain, &after),
         refinement: None,
+        corners: None,
         map: MapFigures {
             map: "radial, exponent 1".into(),
             radial_exponent: Some(1.0),
@@ -93,6 +94,7 @@ fn write(flip: bool) -> (tempfile::TempDir, Report) {
     let folder = tempfile::tempdir().unwrap();
     let record = MapRecord {
         domain: &domain,
+        corners: None,
         initial: &initial,
         image: &image,
         measured_initial: &before,

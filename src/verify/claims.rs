@@ -12,7 +12,7 @@ use crate::bound::LowerBound;
 use crate::bound::certificate;
 use crate::cancel::Cancel;
 use crate::experiment::{Course, Heading, bounds, record};
-use crate::measure::{Measured, ball_dilatation, measure, measure_onto_ball};
+use crate::measure::{Measured, ball_dilatation, measure};
 use crate::mesh::{TetId, Vec3};
 use crate::optimize::{OPTIMAL, StopReason, Untangled};
 use crate::report::{UntanglingFigures, trace_hash};
@@ -35,10 +35,14 @@ const ACTIVE: f64 = 1e-3;
 /// Holds all claims against the files.
 pub(super) fn check(files: &Files, findings: &mut Findings) {
     let Some(again) = again(files, findings) else { return };
-    let mut before = measure(&again.start.domain, &again.start.image);
-    // Halving amplifies last bits, so of the positions in the files, which were held against those made again.
-    before.summary.ball_k = ball_dilatation(&files.domain, &files.start).ok();
-    let after = measure_onto_ball(&files.domain, &files.image);
+    let (before, after) = if again.start.corners.is_some() {
+        (again.start.measure(&again.start.image), again.start.measure(&files.image))
+    } else {
+        let mut before = measure(&again.start.domain, &again.start.image);
+        // Halving amplifies last bits, so of the positions in the files, which were held against those made again.
+        before.summary.ball_k = ball_dilatation(&files.domain, &files.start).ok();
+        (before, again.start.measure(&files.image))
+    };
     if let Some(centre) = again.start.centre.filter(|_| !again.made) {
         radial_trace(files, &centre.position, findings);
     }
@@ -143,7 +147,7 @@ fn cells(files: &Files, measured: &Measured, findings: &mut Findings) -> f64 {
     let mut upper: f64 = 1.0;
     let flipped: BTreeSet<TetId> = measured.flipped.iter().copied().collect();
     for (tet, row) in (0..).map(TetId).zip(&files.cells) {
-        let mut enclosures = enclosed_dilatations(&files.domain, tet, &files.image);
+        let mut enclosures = enclosed_dilatations(&files.domain, files.corners.as_ref(), tet, &files.image);
         if flipped.contains(&tet) {
             enclosures = [Enclosure { lower: f64::INFINITY, upper: f64::INFINITY }; 2];
         }

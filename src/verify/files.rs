@@ -8,11 +8,12 @@ use serde_json::Value;
 use super::{Findings, VerifyError};
 use crate::bound::certificate::Certificate;
 use crate::domain::Domain;
+use crate::map::Corners;
 use crate::measure::{Measured, Summary};
 use crate::mesh::io::{TetFile, read_tet_file};
 use crate::mesh::{TetId, TetMesh, Unit, Vec3};
 use crate::optimize::TraceRow;
-use crate::report::{CellRow, FILES, MapRecord, Report, START, write_results};
+use crate::report::{CORNERS, CellRow, FILES, MapRecord, Report, START, read_corners, write_results};
 
 /// What to do about a file that is missing or broken.
 const REMEDY: &str = "copy it from where it was written, or run the config again";
@@ -35,6 +36,8 @@ pub(super) struct Files {
     pub cells: Vec<CellRow>,
     pub trace: Vec<TraceRow>,
     pub certificate: Option<Certificate>,
+    /// The corners of the map, with their exponents.
+    pub corners: Option<Corners>,
 }
 
 /// The text of the report, which is the record of a run.
@@ -101,6 +104,7 @@ impl Files {
         });
         // As the run counted them: what is read from files in a unit of its size.
         let unit = if report.input_hash.is_some() { Unit::of(&domain.soup.points) } else { Unit::default() };
+        let data = domain.cell_data;
         let mesh = TetMesh::new(unit.take_points(&domain.soup.points), domain.soup.tets);
         let domain = mesh.map_err(|error| error.to_string());
         let domain = domain.and_then(|mesh| Domain::new(mesh).map_err(|error| error.to_string()));
@@ -108,7 +112,17 @@ impl Files {
         let on_boundary = image.soup.points.iter().zip(domain.boundary().vertex_mask()).filter(|(_, on)| **on);
         let of_image = Unit::of_extreme(on_boundary.map(|(point, _)| point));
         let [image, start] = [&image.soup.points, &start].map(|points| of_image.take_points(points));
-        let files = Self { report, domain, units: [unit, of_image], image, start, cells, trace, certificate };
+        findings.begin("the cones at the corners, if there are any, fit together and have the exponents of the report");
+        let corners = read_corners(folder, &domain, &data).unwrap_or_else(|error| {
+            findings.found(format!("{error}; {REMEDY}"));
+            None
+        });
+        let told =
+            report.corners.as_ref().map(|told| told.iter().map(|corner| (corner.vertex, corner.exponent)).collect());
+        findings.expect(corners.as_ref().map(Corners::exponents) == told, || {
+            format!("{CORNERS} has other corners or exponents than the report")
+        });
+        let files = Self { report, domain, units: [unit, of_image], image, start, cells, trace, certificate, corners };
         files.check_bytes(folder, findings);
         Some(files)
     }
@@ -124,6 +138,7 @@ impl Files {
             (0..).map(TetId).zip(&self.cells).filter(|(_, row)| row.active).map(|(t, _)| t).collect();
         let record = MapRecord {
             domain: &self.domain,
+            corners: self.corners.as_ref(),
             initial: &self.start,
             image: &self.image,
             measured_initial: &measured(
@@ -144,7 +159,8 @@ impl Files {
             Ok(again) => again,
             Err(error) => return findings.found(format!("the files cannot be written once more: {error}")),
         };
-        for name in FILES.into_iter().chain(self.certificate.is_some().then_some(CERTIFICATE)) {
+        let further = [self.certificate.is_some().then_some(CERTIFICATE), self.corners.is_some().then_some(CORNERS)];
+        for name in FILES.into_iter().chain(further.into_iter().flatten()) {
             let [there, expected] = [folder, again.path()].map(|folder| std::fs::read(folder.join(name)));
             match (there, expected) {
                 (Ok(there), Ok(expected)) if there == expected => {}
@@ -165,7 +181,7 @@ impl Files {
 
 /// Refuses what no run writes.
 fn others(folder: &Path, findings: &mut Findings) {
-    let known = || FILES.into_iter().chain(PAGES).chain([CERTIFICATE]);
+    let known = || FILES.into_iter().chain(PAGES).chain([CERTIFICATE, CORNERS]);
     let names: BTreeSet<String> = match std::fs::read_dir(folder) {
         Ok(entries) => entries.flatten().map(|entry| entry.file_name().to_string_lossy().into_owned()).collect(),
         Err(error) => return findings.found(format!("the folder cannot be listed: {error}")),

@@ -2,7 +2,8 @@
 
 use crate::domain::{Domain, edge_matrix};
 use crate::linalg::svd;
-use crate::mesh::{TetId, Vec3};
+use crate::map::Corners;
+use crate::mesh::{Mat3, TetId, Vec3};
 
 /// A number that is known to lie between two others.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,13 +32,44 @@ impl Enclosure {
 /// ```
 ///
 /// and the last operations are covered by a factor of 1 -+ 16 eps. An a-priori error bound, not interval arithmetic.
-pub(super) fn enclosed_dilatations(domain: &Domain, tet: TetId, image: &[Vec3]) -> [Enclosure; 2] {
-    let corners = domain.mesh().tets()[tet.index()].map(|v| image[v.index()]);
-    let [edges, images] = [edge_matrix(domain.mesh().corners(tet)), edge_matrix(corners)];
+///
+/// Where the tet lies in a warped cone, both are the largest of N = J (I + (p-1) u n^T) at up to four u, each of which is off by at
+/// most 32 eps |u| |n| of itself, being a quotient by the height n.x of a point, with n from a cross product; |u| |n| >= 1.
+pub(super) fn enclosed_dilatations(
+    domain: &Domain,
+    corners: Option<&Corners>,
+    tet: TetId,
+    image: &[Vec3],
+) -> [Enclosure; 2] {
+    let positions = domain.mesh().tets()[tet.index()].map(|v| image[v.index()]);
+    let rest = domain.mesh().corners(tet);
+    let [edges, images] = [edge_matrix(rest), edge_matrix(positions)];
     let inverse = domain.inverse_edges()[tet.index()].norm();
     let jacobian = domain.jacobian(tet, image);
-    let values = svd(&jacobian).values;
-    let error = 64.0 * f64::EPSILON * (edges.norm() * inverse * images.norm() * inverse + jacobian.norm());
+    let plain = edges.norm() * inverse * images.norm() * inverse;
+    let Some(warp) = corners.and_then(|corners| corners.warp(tet)).filter(|warp| warp.exponent() != 1.0) else {
+        return enclosed(&jacobian, 64.0 * f64::EPSILON * (plain + jacobian.norm()));
+    };
+    let of_projection = |u: Vec3| {
+        let factor = warp.factor(&u);
+        let slant = u.norm() * warp.gradient().norm();
+        let warped = jacobian * factor;
+        let error =
+            plain * factor.norm() + jacobian.norm() * slant * (factor - Mat3::identity()).norm() + warped.norm();
+        enclosed(&warped, 64.0 * f64::EPSILON * error)
+    };
+    let larger = |a: Enclosure, b: Enclosure| Enclosure { lower: a.lower.max(b.lower), upper: a.upper.max(b.upper) };
+    let both = |a: [Enclosure; 2], b: [Enclosure; 2]| [larger(a[0], b[0]), larger(a[1], b[1])];
+    // A tet has a vertex that is not the corner.
+    warp.projections(rest)
+        .map(of_projection)
+        .reduce(both)
+        .unwrap_or([Enclosure { lower: 1.0, upper: f64::INFINITY }; 2])
+}
+
+/// K_I and K_O of a matrix that is off by at most `error`.
+fn enclosed(jacobian: &Mat3, error: f64) -> [Enclosure; 2] {
+    let values = svd(jacobian).values;
     let [low, high] = [-error, error].map(|shift| values.map(|value| value + shift));
     let enclosure = |least: f64, most: f64| {
         let room = 16.0 * f64::EPSILON;
@@ -64,7 +96,7 @@ mod tests {
         let domain = Domain::new(fan(&cube(), Vec3::new(0.3, 0.2, -0.1))).unwrap();
         let image: Vec<Vec3> = domain.mesh().points().iter().map(|p| Vec3::new(p.x, 4.0 * p.y, 2.0 * p.z)).collect();
         for tet in 0..12 {
-            for enclosure in enclosed_dilatations(&domain, TetId(tet), &image) {
+            for enclosure in enclosed_dilatations(&domain, None, TetId(tet), &image) {
                 assert!(enclosure.contains(8.0) && enclosure.upper - enclosure.lower < 1e-10, "{enclosure:?}");
                 assert!(!enclosure.contains(8.0 + 1e-10) && !enclosure.contains(8.0 - 1e-10));
             }
@@ -76,7 +108,7 @@ mod tests {
         let domain = Domain::new(fan(&cube(), Vec3::zeros())).unwrap();
         let mut image = domain.mesh().points().to_vec();
         image[8] = Vec3::x();
-        let ends = (0..12).map(|tet| enclosed_dilatations(&domain, TetId(tet), &image));
+        let ends = (0..12).map(|tet| enclosed_dilatations(&domain, None, TetId(tet), &image));
         assert_eq!(ends.filter(|[inner, _]| inner.upper.is_infinite()).count(), 2);
     }
 }

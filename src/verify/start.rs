@@ -6,6 +6,7 @@ use super::Findings;
 use super::files::Files;
 use crate::config::{Config, ConfigSource, DomainSource, MeshPlan, Plan};
 use crate::experiment::{RunError, Start};
+use crate::map::{CornerChoice, Corners};
 use crate::mesh::Vec3;
 use crate::solid::StarCentre;
 
@@ -80,8 +81,25 @@ pub(super) fn again(files: &Files, findings: &mut Findings) -> Option<Again> {
     );
     same("vertex", "the start is not at its place in the config's map", &files.start, &start.image, all, findings);
     findings.expect(start.units == files.units, || "the meshes have not the size that the config's have".into());
-    let start = Start { domain: files.domain.clone(), units: files.units, ..start };
+    corners(&plan, files, start.corners.as_ref(), findings);
+    let start = Start { domain: files.domain.clone(), units: files.units, corners: files.corners.clone(), ..start };
     Some(Again { name: plan.name.clone(), seed: plan.seed, source, start, made: true })
+}
+
+/// Holds the warped cones against those that the config makes, and their exponents against those it gives.
+fn corners(plan: &Plan, files: &Files, made: Option<&Corners>, findings: &mut Findings) {
+    let cones = |corners: &Corners| corners.cones().iter().map(|cone| (cone.corner, cone.base)).collect::<Vec<_>>();
+    let there = files.corners.as_ref();
+    let same = there.map(cones) == made.map(cones) && there.map(Corners::of_tets) == made.map(Corners::of_tets);
+    findings.expect(same, || "the cones at the corners are not those that the config makes".into());
+    match plan.corners {
+        CornerChoice::Linear => {}
+        CornerChoice::Power => findings.trust("that no exponents at the corners are better"),
+        CornerChoice::Exponent(exponent) => {
+            let given = there.is_some_and(|corners| corners.cones().iter().all(|cone| cone.exponent == exponent));
+            findings.expect(given, || format!("the exponents at the corners are not {exponent}, as the config has it"));
+        }
+    }
 }
 
 /// The start of a plan. External meshers are not run again: the mesh that the files have is held against the solid.
@@ -123,6 +141,8 @@ fn told(files: &Files) -> Start {
         map: report.map.clone(),
         refinement: report.refinement,
         splits: report.achieved.splits,
+        flags: None,
+        corners: files.corners.clone(),
         warnings: Vec::new(),
     }
 }

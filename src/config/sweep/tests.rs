@@ -142,7 +142,7 @@ fn faults_name_the_line_and_the_remedy() {
     ];
     for (text, words) in faults {
         let error = sweep(text, &[]).expect_err(text);
-            let message = format!("{error}\n{}", error.help());
+        let message = format!("{error}\n{}", error.help());
         for word in *words {
             assert!(message.contains(word), "{text}\n-> {message}\nlacks {word}");
         }

@@ -1,6 +1,6 @@
 //! The corners of a domain with their exponents: which cones are warped, and that the warps fit together.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 use super::Warp;
 use crate::domain::Domain;
@@ -9,6 +9,17 @@ use crate::mesh::{Mat3, TetId, TetMesh, VertexId};
 /// How far, in units of t (0 at the corner, 1 on the base), the cones of a corner may disagree at a common vertex, or a vertex lie
 /// off the base: points of flat faces and straight edges are computed with rounding.
 const FITS: f64 = 1e-9;
+
+/// How a map behaves at the corners of a solid.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum CornerChoice {
+    /// Piecewise linear, as everywhere.
+    Linear,
+    /// Like the power of the distance with this exponent > 0, at every corner.
+    Exponent(f64),
+    /// Like powers, with exponents to be found.
+    Power,
+}
 
 /// A cone over a triangle, with its apex in a corner of the solid.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,6 +38,19 @@ pub struct Corners {
     cones: Vec<Cone>,
     warps: Vec<Warp>,
     of_tet: Vec<Option<u32>>,
+}
+
+/// A domain in which a warped tet is up to four, each with a reference matrix of its own.
+///
+/// The dilatations of the warped map on a tet are the largest ones of its elements, for any images of the vertices: to minimize or
+/// bound them is to do so here.
+#[derive(Clone, Debug)]
+pub struct Elements {
+    /// The elements, as tets of a domain whose mesh has some of its tets several times. The first ones are the tets in their order;
+    /// the boundary is that of the mesh.
+    pub domain: Domain,
+    /// The tet that each element belongs to.
+    pub owners: Vec<TetId>,
 }
 
 /// Why cones give no continuous map of the domain onto itself. Tets and vertices count from 0.
@@ -181,11 +205,16 @@ impl Corners {
         }
     }
 
-    /// The domain in which a warped tet is up to four, each with a reference matrix of its own, and the tet that each of its
-    /// elements belongs to. The dilatations of the warped map are the largest ones of the elements: to minimize or bound them over
-    /// the images of the vertices is to do so here. The first elements are the tets in their order.
-    pub fn elements(&self, domain: &Domain) -> (Domain, Vec<TetId>) {
-        domain.with_factors(|tet| self.factors(domain, tet))
+    /// The corners, each once, with their exponents, in the order of the vertices.
+    pub fn exponents(&self) -> Vec<(VertexId, f64)> {
+        let of_corner: BTreeMap<VertexId, f64> = self.cones.iter().map(|cone| (cone.corner, cone.exponent)).collect();
+        of_corner.into_iter().collect()
+    }
+
+    /// The ordinary tets that the warped ones are to whoever minimizes or bounds K.
+    pub fn elements(&self, domain: &Domain) -> Elements {
+        let (domain, owners) = domain.with_factors(|tet| self.factors(domain, tet));
+        Elements { domain, owners }
     }
 
     fn check(&self, domain: &Domain) -> Result<(), CornerError> {
@@ -266,7 +295,7 @@ mod tests {
     use super::*;
     use crate::Dilatation;
     use crate::map::{Evaluator, Onto, RayEnd, by_ray_casting, caraman};
-    use crate::measure::measure;
+    use crate::measure::{measure, measure_elements};
     use crate::mesh::Vec3;
     use crate::mesh::fixtures::{cube, fan, split};
     use crate::solid::{FlagSettings, Solid, flag_mesh};
@@ -292,18 +321,17 @@ mod tests {
     fn the_elements_have_the_largest_dilatation_of_the_warped_map() {
         for exponent in [0.7, 1.0, 1.6] {
             let (domain, image, corners) = flags(exponent);
-            let (elements, owners) = corners.elements(&domain);
-            let of_elements = measure(&elements, &image).dilatations;
-            let mut largest = vec![Dilatation { inner: 1.0, outer: 1.0 }; domain.mesh().tets().len()];
-            for (dilatation, owner) in of_elements.iter().zip(&owners) {
-                let largest = &mut largest[owner.index()];
-                *largest = Dilatation {
-                    inner: largest.inner.max(dilatation.inner),
-                    outer: largest.outer.max(dilatation.outer),
-                };
-            }
-            let volume: f64 = elements.volumes().iter().sum();
+            let elements = corners.elements(&domain);
+            let measured = measure_elements(&domain, &elements, &image);
+            let largest = measured.dilatations;
+            let volume: f64 = elements.domain.volumes().iter().sum();
             assert!((volume - 8.0).abs() < 1e-12);
+            assert_eq!(measured.summary.max_k, largest.iter().map(|of_tet| of_tet.k()).fold(1.0, f64::max));
+            let mut flipped = image.clone();
+            flipped[0] = Vec3::repeat(0.9);
+            let there = measure_elements(&domain, &elements, &flipped);
+            assert_eq!(there.flipped, measure(&domain, &flipped).flipped);
+            assert_eq!((there.summary.flipped, there.summary.max_k), (there.flipped.len(), f64::INFINITY));
             for (tet, largest) in (0..).map(TetId).zip(&largest) {
                 let exact =
                     corners.warp(tet).unwrap().dilatation(&domain.jacobian(tet, &image), domain.mesh().corners(tet));
@@ -313,7 +341,7 @@ mod tests {
                 );
             }
             if exponent == 1.0 {
-                assert_eq!(measure(&elements, &image).summary, measure(&domain, &image).summary);
+                assert_eq!(measured.summary, measure(&domain, &image).summary);
             }
         }
     }
@@ -323,11 +351,7 @@ mod tests {
         use rand_chacha::ChaCha8Rng;
         use rand_chacha::rand_core::{RngCore, SeedableRng};
         let (domain, image, corners) = flags(1.5);
-        let (elements, owners) = corners.elements(&domain);
-        let mut largest = vec![1.0f64; domain.mesh().tets().len()];
-        for (dilatation, owner) in measure(&elements, &image).dilatations.iter().zip(&owners) {
-            largest[owner.index()] = largest[owner.index()].max(dilatation.k());
-        }
+        let largest = measure_elements(&domain, &corners.elements(&domain), &image).dilatations;
         let map = Evaluator::new(&domain, &image, Onto::Polyhedron).unwrap().with_corners(&corners);
         let mut random = ChaCha8Rng::seed_from_u64(5);
         let mut number = || f64::from(random.next_u32()) / f64::from(u32::MAX) * 2.0 - 1.0;
@@ -350,7 +374,7 @@ mod tests {
             let columns = ends.map(|[a, b]| (a.position - b.position) / (2.0 * step));
             let k = Dilatation::of(&Mat3::from_columns(&columns)).k();
             // Rounding at 1e-16 / step times the condition of K in the matrix, below 100.
-            assert!(k <= largest[here.tet.index()] * (1.0 + 1e-7), "{k} {}", largest[here.tet.index()]);
+            assert!(k <= largest[here.tet.index()].k() * (1.0 + 1e-7), "{k} {:?}", largest[here.tet.index()]);
         }
         assert!(counted > 15_000);
     }

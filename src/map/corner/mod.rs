@@ -47,7 +47,7 @@
 
 mod cones;
 
-pub use cones::{Cone, CornerError, Corners, solid_angles};
+pub use cones::{Cone, CornerChoice, CornerError, Corners, Elements, solid_angles};
 
 use crate::dilatation::Dilatation;
 use crate::mesh::{Mat3, Vec3};
@@ -89,6 +89,11 @@ impl Warp {
     /// The exponent p.
     pub fn exponent(&self) -> f64 {
         self.exponent
+    }
+
+    /// n, the gradient of t.
+    pub fn gradient(&self) -> &Vec3 {
+        &self.gradient
     }
 
     /// t(x): 0 at the apex, 1 on the base.

@@ -1,0 +1,173 @@
+//! `[boundary] corners`: maps that are like powers of the distance from the corners, in runs, files, verification and evaluation.
+
+use std::fs;
+use std::path::Path;
+
+use assert_cmd::Command;
+use assert_cmd::cargo::cargo_bin;
+use serde_json::Value;
+
+/// Exit code, standard output and standard error.
+fn qcball(folder: &Path, arguments: &[&str]) -> (i32, String, String) {
+    let output = Command::new(cargo_bin!("qcball")).current_dir(folder).args(arguments).output().unwrap();
+    let [out, err] = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
+    (output.status.code().unwrap(), out, err)
+}
+
+const FLAGS: &str = "[domain]\nsolid = \"cube\"\n[mesh]\nkind = \"flag\"\nsectors = 2\nrings = 2\nlayers = 2\n";
+
+/// The report of a run of a config, whose results go to the folder `name`.
+fn report(folder: &Path, name: &str, config: &str, options: &[&str]) -> Value {
+    fs::write(folder.join("a.toml"), config).unwrap();
+    let arguments = [&["run", "a.toml", "--out", name, "--quiet", "--json"], options].concat();
+    let (code, out, err) = qcball(folder, &arguments);
+    assert_eq!((code, err.as_str()), (0, ""), "{config}");
+    serde_json::from_str(&out).unwrap()
+}
+
+fn max_k(report: &Value) -> f64 {
+    report["final"]["max_k"].as_f64().unwrap()
+}
+
+#[test]
+fn a_power_at_the_corners_of_a_cube_lowers_k_and_every_file_has_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let linear = report(folder.path(), "linear", FLAGS, &[]);
+    assert!(linear["corners"].is_null());
+    assert!(!folder.path().join("linear/corners.csv").exists());
+    let config = format!("{FLAGS}[boundary]\ncorners = 1.3\n");
+    let power = report(folder.path(), "power", &config, &["--threads", "1"]);
+    // 7.2 of the radial map, and 4.99 and 3.65 for one corner by itself (corners.md, §2), on a coarse mesh.
+    assert!(max_k(&power) < 0.9 * max_k(&linear), "{} {}", max_k(&power), max_k(&linear));
+    let corners = power["corners"].as_array().unwrap();
+    assert_eq!(corners.len(), 8);
+    for corner in corners {
+        assert_eq!(corner["exponent"], 1.3);
+        assert!((corner["solid_angle"].as_f64().unwrap() - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
+    }
+    // No bound for piecewise-linear maps alone is held against the map.
+    for bound in power["bounds"].as_array().unwrap() {
+        let name = bound["name"].as_str().unwrap();
+        assert!(["fan", "edge-ratio", "wedge", "face-count"].contains(&name) || bound["applies"] == false, "{bound}");
+        assert!(bound["applies"] == false || bound["value"].as_f64().unwrap() <= max_k(&power));
+    }
+    let summary = fs::read_to_string(folder.path().join("power/summary.txt")).unwrap();
+    assert!(summary.contains("like r^p of the distance r from 8 corners, p = 1.3000"), "{summary}");
+    let (code, said, _) = qcball(folder.path(), &["verify", "power"]);
+    assert!(code == 0 && said.ends_with("\nverified\n"), "{said}");
+    // On any number of threads.
+    let again = report(folder.path(), "again", &config, &["--threads", "2"]);
+    assert_eq!(max_k(&power), max_k(&again));
+    for name in ["corners.csv", "cells.csv", "image.vtu"] {
+        let [one, two] = ["power", "again"].map(|run| fs::read(folder.path().join(run).join(name)).unwrap());
+        assert!(one == two, "{name}");
+    }
+
+    // Points that go there and back, through a warp.
+    fs::write(folder.path().join("x.csv"), "x,y,z\n0.9,0.8,0.85\n0.1,-0.7,0.3\n1,1,1\n-1,0.99,0.98\n").unwrap();
+    let there = ["evaluate", "power", "x.csv", "y.csv", "--onto", "ball"];
+    assert_eq!(qcball(folder.path(), &there).0, 0);
+    let rows = |name: &str| -> Vec<Vec<f64>> {
+        let text = fs::read_to_string(folder.path().join(name)).unwrap();
+        text.lines().skip(1).map(|line| line.split(',').map(|field| field.parse().unwrap()).collect()).collect()
+    };
+    let images: Vec<String> =
+        rows("y.csv").iter().map(|row| row[5..].iter().map(f64::to_string).collect::<Vec<_>>().join(",")).collect();
+    fs::write(folder.path().join("images.csv"), format!("x,y,z\n{}\n", images.join("\n"))).unwrap();
+    let back = ["evaluate", "power", "images.csv", "back.csv", "--onto", "ball", "--inverse"];
+    assert_eq!(qcball(folder.path(), &back).0, 0);
+    for (x, row) in rows("x.csv").iter().zip(rows("back.csv")) {
+        assert!(x.iter().zip(&row[5..]).all(|(a, b)| (a - b).abs() < 1e-10), "{x:?} {row:?}");
+    }
+    // Without its corners the map is another one.
+    assert_eq!(qcball(folder.path(), &["evaluate", "linear", "x.csv", "z.csv", "--onto", "ball"]).0, 0);
+    assert!((rows("z.csv")[0][5] - rows("y.csv")[0][5]).abs() > 1e-3);
+}
+
+#[test]
+fn verify_refuses_other_exponents_and_cones() {
+    let folder = tempfile::tempdir().unwrap();
+    report(folder.path(), "run", &format!("{FLAGS}[boundary]\ncorners = 1.3\n"), &[]);
+    let path = folder.path().join("run/corners.csv");
+    let text = fs::read_to_string(&path).unwrap();
+    let last = text.trim_end().rfind('\n').unwrap();
+    for (edited, part) in [
+        (text.replace(",1.3\n", ",1.31\n"), "other corners or exponents than the report"),
+        (text[..last + 1].to_string(), "which corners.csv does not have"),
+        (text.replacen(",1.3\n", ",1.4\n", 1), "give a corner one exponent"),
+        (text.replacen(",1.3\n", ",-1\n", 1), "give a positive exponent"),
+    ] {
+        assert_ne!(edited, text);
+        fs::write(&path, edited).unwrap();
+        let (code, said, _) = qcball(folder.path(), &["verify", "run"]);
+        assert!(code == 1 && said.contains(part), "{part}: {said}");
+    }
+    fs::remove_file(&path).unwrap();
+    let (code, said, _) = qcball(folder.path(), &["verify", "run"]);
+    assert!(code == 1 && said.contains("corners.csv is missing"), "{said}");
+    fs::write(&path, &text).unwrap();
+    assert_eq!(qcball(folder.path(), &["verify", "run"]).0, 0);
+    // The same exponent everywhere, but not the config's.
+    fs::write(&path, text.replace(",1.3\n", ",1.31\n")).unwrap();
+    let report = folder.path().join("run/report.json");
+    let told = fs::read_to_string(&report).unwrap();
+    fs::write(&report, told.replace("\"exponent\": 1.3", "\"exponent\": 1.31")).unwrap();
+    let (code, said, _) = qcball(folder.path(), &["verify", "run"]);
+    assert!(code == 1 && said.contains("the exponents at the corners are not 1.3"), "{said}");
+    assert!(said.contains("FAILS  K_I, K_O and K of every tet lie between their proved ends"), "{said}");
+}
+
+#[test]
+fn exponents_are_found_that_are_no_worse_than_none() {
+    let folder = tempfile::tempdir().unwrap();
+    let solid = FLAGS
+        .replace("cube", "octahedron")
+        .replace("sectors = 2\nrings = 2\nlayers = 2", "sectors = 1\nrings = 1\nlayers = 2");
+    let linear = report(folder.path(), "linear", &solid, &[]);
+    let power = report(folder.path(), "power", &format!("{solid}[boundary]\ncorners = \"power\"\n"), &[]);
+    assert!(max_k(&power) < max_k(&linear), "{} {}", max_k(&power), max_k(&linear));
+    let exponents: Vec<f64> =
+        power["corners"].as_array().unwrap().iter().map(|corner| corner["exponent"].as_f64().unwrap()).collect();
+    // (2 pi / omega)^s is at most the square root of 2 pi / omega, 2.15.
+    assert!(exponents.len() == 6 && exponents.iter().all(|&p| 1.0 < p && p < 2.15), "{exponents:?}");
+    assert!(exponents.iter().all(|p| (p - exponents[0]).abs() < 1e-12));
+    assert_eq!(qcball(folder.path(), &["verify", "power"]).0, 0);
+}
+
+#[test]
+fn the_stars_of_the_corners_of_another_mesh_are_warped() {
+    let folder = tempfile::tempdir().unwrap();
+    let shell = "[domain]\nsolid = \"cube\"\n[mesh]\nsubdivisions = 2\nlayers = 3\n";
+    let linear = report(folder.path(), "linear", shell, &[]);
+    let power = report(folder.path(), "power", &format!("{shell}[boundary]\ncorners = 1.2\n"), &[]);
+    assert!(max_k(&power) < max_k(&linear), "{} {}", max_k(&power), max_k(&linear));
+    let rows = fs::read_to_string(folder.path().join("power/corners.csv")).unwrap().lines().count() - 1;
+    assert!(rows >= 8 * 6, "{rows}");
+    assert_eq!(qcball(folder.path(), &["verify", "power"]).0, 0);
+}
+
+#[test]
+fn corners_without_sense_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let solid = "v 1 1 1\nv 1 -1 -1\nv -1 1 -1\nv -1 -1 1\nf 1 2 3\nf 1 4 2\nf 1 3 4\nf 2 4 3\n";
+    fs::write(folder.path().join("tetrahedron.obj"), solid).unwrap();
+    for (config, part) in [
+        (format!("{FLAGS}[boundary]\ncorners = -1\n"), "a.toml:9: `boundary.corners` is -1"),
+        (format!("{FLAGS}[boundary]\ncorners = 0\n"), "a.toml:9: `boundary.corners` is 0"),
+        (format!("{FLAGS}[boundary]\ncorners = inf\n"), "a.toml:9: `boundary.corners` is inf"),
+        (format!("{FLAGS}[boundary]\ncorners = \"cubic\"\n"), "corners are \"linear\", \"power\" or a number"),
+        (format!("{FLAGS}[boundary]\ncorners = 2\n[map]\nkind = \"folding\"\nratio = 2\n"), "use the map \"radial\""),
+        (format!("{FLAGS}[boundary]\ncorners = 2\n[bounds]\ncertify = true\n"), "a.toml:11: the Gram certificate"),
+        ("[domain]\nsolid = \"ball\"\nresolution = 2\n[boundary]\ncorners = 2\n".into(), "the solid has no corners"),
+        (
+            "[domain]\nfile = \"tetrahedron.obj\"\n[mesh]\nsubdivisions = 1\n[boundary]\ncorners = 1.1\n".into(),
+            "has two corners, vertices",
+        ),
+    ] {
+        fs::write(folder.path().join("a.toml"), &config).unwrap();
+        let (code, out, err) = qcball(folder.path(), &["run", "a.toml", "--out", "run"]);
+        assert_eq!((code, out.as_str()), (2, ""), "{config}: {err}");
+        assert!(err.contains(part), "{config}: {err}");
+        assert!(!folder.path().join("run").exists());
+    }
+}
