@@ -45,23 +45,9 @@ impl Domain {
         Self { mesh, boundary, inverse_edges, volumes }
     }
 
-    /// Some of the tets with their reference operators, and the vertices of these, in ascending order. A part has no boundary of
-    /// its own: what is done with parts, minimizing over the images of vertices, asks for none.
-    pub(crate) fn part(&self, vertices: &[u32], tets: &[u32]) -> Self {
-        let local = |v: VertexId| VertexId(vertices.binary_search(&v.0).expect("every corner is listed") as u32);
-        let points = vertices.iter().map(|&v| self.mesh.points()[v as usize]).collect();
-        let corners = tets.iter().map(|&tet| self.mesh.tets()[tet as usize].map(local)).collect();
-        Self {
-            mesh: TetMesh::new(points, corners).expect("tets of a valid mesh"),
-            boundary: Boundary::default(),
-            inverse_edges: tets.iter().map(|&tet| self.inverse_edges[tet as usize]).collect(),
-            volumes: tets.iter().map(|&tet| self.volumes[tet as usize]).collect(),
-        }
-    }
-
-    /// The domain with each tet once for each of its `factors` R, its reference matrix multiplied by R, and as it is if it has none: for maps whose Jacobians on a
-    /// tet are J R, with J that of the piecewise-linear map. Also the tet that each element comes from: the first elements are
-    /// the tets in their order. The boundary is that of the mesh, and the elements of a tet share its volume.
+    /// The domain with each tet once for each of its `factors` R, its reference matrix multiplied by R, and as it is if it has
+    /// none: for maps whose Jacobians on a tet are J R, with J that of the piecewise-linear map. Also the tet that each element
+    /// comes from: the first elements are the tets in their order. The boundary is that of the mesh, and the elements of a tet share its volume.
     pub(crate) fn with_factors(&self, factors: impl Fn(TetId) -> Vec<Mat3>) -> (Self, Vec<TetId>) {
         let ids = || (0..self.mesh.tets().len() as u32).map(TetId);
         let factors: Vec<Vec<Mat3>> = ids().map(factors).collect();
@@ -86,7 +72,7 @@ impl Domain {
     }
 
     /// Some tets as a domain of their own, with their reference matrices. Its vertices are `vertices`, ascending, in which all of
-    /// the tets' are; it has no boundary.
+    /// the tets' are. A part has no boundary: what is done with parts, minimizing over the images of vertices, asks for none.
     pub(crate) fn part(&self, vertices: &[u32], tets: &[TetId]) -> Self {
         let local = |v: VertexId| VertexId(vertices.binary_search(&v.0).expect("every corner is listed") as u32);
         let mesh = TetMesh::new(

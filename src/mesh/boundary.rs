@@ -62,7 +62,7 @@ pub enum TopologyError {
 }
 
 /// The boundary surface of a tetrahedral mesh.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Boundary {
     triangles: Vec<[VertexId; 3]>,
     owners: Vec<TetId>,
