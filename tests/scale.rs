@@ -103,8 +103,11 @@ fn given_meshes_are_measured_bounded_and_optimized_alike_in_any_units() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     fs::write(at("a.obj"), solid(0)).unwrap();
-    fs::write(at("a.toml"), "[domain]\nfile = \"a.obj\"\n[mesh]\nlayers = 2\n[optimize]\nmax_iterations = 2\n")
-        .unwrap();
+    fs::write(
+        at("a.toml"),
+        "[domain]\nfile = \"a.obj\"\n[mesh]\nlayers = 2\nsubdivisions = 1\n[optimize]\nmax_iterations = 2\n",
+    )
+    .unwrap();
     qcball(&["run", "a.toml", "--quiet", "--out", "out"], folder.path());
     let [domain, image] = ["domain", "image"].map(|name| read_tets(&at(&format!("out/{name}.vtu"))).unwrap());
     let written = |exponents: [i32; 2]| {
