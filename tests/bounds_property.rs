@@ -1,6 +1,7 @@
 //! No bound exceeds the dilatation of any positively oriented map that was tried: random meshes, boundaries and maps.
 //!
-//! 60 seeded cases; QCBALL_PROPERTY_CASES=1000 tries as many as it says.
+//! 60 seeded cases of thick tets and 300 of thin ones; `QCBALL_PROPERTY_CASES=10000 cargo test --release --test bounds_property` tries
+//! as many as it says of each. Case i has the seed i.
 
 use std::time::Duration;
 
@@ -74,6 +75,11 @@ fn random_mesh(random: &mut Random) -> (Domain, Vec<Vec3>) {
     (Domain::new(mesh).unwrap(), radial)
 }
 
+/// How many cases to try: what QCBALL_PROPERTY_CASES says, or `few`.
+fn cases(few: u64) -> u64 {
+    std::env::var("QCBALL_PROPERTY_CASES").ok().and_then(|n| n.parse().ok()).unwrap_or(few)
+}
+
 fn check(bounds: &[LowerBound], domain: &Domain, image: &[Vec3], case: u64) -> f64 {
     let map = measure(domain, image).summary;
     assert_eq!(map.flipped, 0, "case {case}");
@@ -91,7 +97,7 @@ fn check(bounds: &[LowerBound], domain: &Domain, image: &[Vec3], case: u64) -> f
 
 #[test]
 fn no_bound_exceeds_a_random_or_an_optimized_map() {
-    let cases: u64 = std::env::var("QCBALL_PROPERTY_CASES").ok().and_then(|n| n.parse().ok()).unwrap_or(60);
+    let cases = cases(60);
     let (mut maps, mut within, mut certified) = (0, 0, 0);
     let mut gaps = Vec::new();
     for case in 0..cases {
@@ -138,4 +144,74 @@ fn no_bound_exceeds_a_random_or_an_optimized_map() {
     // Vacuous without maps, and blunt without some that come close.
     assert!(maps as u64 > 3 * cases && within > 0, "{maps} maps, {within} within 1e-5 of a bound");
     assert!(certified > 0);
+}
+
+/// A shell mesh with layers of thickness ratio 1e-3 to 1e3 of a solid that may be flat or a needle, up to 1e6 : 1, turned at random, and
+/// its radial map with a random exponent; nothing where rounding makes that no mesh.
+fn thin_mesh(random: &mut Random) -> Option<(Domain, Vec<Vec3>)> {
+    let powers = |random: &mut Random, most: f64| 10f64.powf(most * random.number());
+    let thin = random.number() < 0.0;
+    let mut length = || if thin { powers(random, 6.0) } else { powers(random, 0.2) };
+    let (height, width) = (length(), length());
+    let sides = 3 + random.0.next_u32() % 3;
+    let solid = match random.0.next_u32() % 7 {
+        0 => Solid::Tetrahedron,
+        1 => Solid::Octahedron,
+        2 => Solid::Box { size: [1.0, height, width] },
+        3 => Solid::Prism { sides, height },
+        4 => Solid::Pyramid { sides, height },
+        5 => Solid::Bipyramid { sides, height },
+        _ => Solid::Ellipsoid { radii: [1.0, height.clamp(1e-3, 1e3), width.clamp(1e-3, 1e3)], resolution: 1 },
+    };
+    let grading = powers(random, 3.0);
+    let layers = 1 + random.0.next_u32() % 4;
+    let exponent = powers(random, 0.3);
+    let settings = ShellSettings { subdivisions: 1, refinement: None, layers, grading };
+    let shell = shell_mesh(&solid.surface().ok()?, Vec3::zeros(), &settings).ok()?;
+    let radial = caraman(&RadialCoordinates::of_shell(&shell), exponent);
+    // Coordinates that are not round, and no longer in a plane where they were.
+    let axis = random.vector().normalize();
+    let [x, y] = [axis.cross(&random.vector()).normalize(), axis];
+    let frame = [x, y, x.cross(&y)];
+    let turned = shell.mesh.points().iter().map(|p| frame[0] * p.x + frame[1] * p.y + frame[2] * p.z).collect();
+    let mesh = TetMesh::new(turned, shell.mesh.tets().to_vec()).ok()?;
+    Some((Domain::new(mesh).ok()?, radial))
+}
+
+/// The bounds claim nothing that is shown to be false of the start or of an optimized map, which comes close to some of them.
+#[test]
+fn no_bound_contradicts_a_map_of_thin_tets() {
+    let cases = cases(300);
+    let (mut maps, mut claims, mut within) = (0u64, 0u64, 0u64);
+    for case in 0..cases {
+        let mut random = Random(ChaCha8Rng::seed_from_u64(case));
+        let Some((domain, start)) = thin_mesh(&mut random) else { continue };
+        let bounds = bound::all(&domain, &start, None, false);
+        for bound in &bounds {
+            assert!(bound.value >= 1.0 && bound.value.is_finite(), "case {case}: {bound:?}");
+        }
+        claims += bounds.iter().filter(|bound| bound.applies && bound.certified && bound.value > 1.01).count() as u64;
+        let mut hold_against = |image: &[Vec3]| {
+            let map = measure(&domain, image).summary;
+            assert!(!map.max_k.is_nan(), "case {case}");
+            if let Err(contradiction) = bound::confront(&bounds, &domain, image, &map, "the case's seed") {
+                panic!("case {case}: {contradiction}");
+            }
+            maps += 1;
+            map.max_k
+        };
+        if !hold_against(&start).is_finite() {
+            continue;
+        }
+        let settings = OptimizeSettings { polish: Polish::None, max_iterations: 25, ..OptimizeSettings::default() };
+        let fixed = domain.boundary().vertex_mask();
+        if let Ok(outcome) = optimize(&domain, &start, fixed, &settings, &mut |_| {}) {
+            let max_k = hold_against(&outcome.positions);
+            let best = bound::best_applicable(&bounds).map_or(1.0, |best| best.value);
+            within += u64::from(max_k < best * 1.01);
+        }
+    }
+    println!("{cases} cases, {maps} maps, {claims} bounds above 1.01, {within} maps within 1 % of a bound");
+    // Vacuous without maps or claims, and blunt without some that come close.
+    assert!(maps > cases && claims > cases && within * 20 > cases, "{maps} {claims} {within}");
 }

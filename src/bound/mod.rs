@@ -42,6 +42,8 @@ mod vertex_smooth;
 mod wedge;
 
 #[cfg(test)]
+mod exact;
+#[cfg(test)]
 mod tests;
 
 use serde::{Deserialize, Deserializer, Serialize};

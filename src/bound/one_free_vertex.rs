@@ -102,6 +102,9 @@ pub(super) struct Least {
     /// Attained at `position`, up to rounding.
     #[cfg_attr(not(test), expect(dead_code, reason = "tests compare it with the lower end"))]
     pub upper: f64,
+    /// What proves it.
+    #[cfg_attr(not(test), expect(dead_code, reason = "tests prove it again in exact arithmetic"))]
+    pub terms: Vec<Term>,
     /// Linear programs solved.
     pub programs: usize,
 }
@@ -212,8 +215,9 @@ impl FreeVertex {
                 (best, upper) = (tried, value);
             }
         }
-        let lower = self.accepted(kind, lower.powi(3), floor, &witness).unwrap_or(1.0);
-        Some(Least { lower, upper: upper.powi(3), programs })
+        let terms = witness;
+        let lower = self.accepted(kind, lower.powi(3), floor, &terms).unwrap_or(1.0);
+        Some(Least { lower, upper: upper.powi(3), terms, programs })
     }
 
     /// The largest level near `guess` that the terms prove no position to have.
