@@ -13,8 +13,9 @@ use crate::mesh::{BoundaryEdges, Features, Vec3, VertexId};
 use crate::optimize::{OptimizeSettings, Outcome, Polish, TraceRow, Untangled};
 use crate::solid::{Flag, FlagMesh};
 
-/// The exponent of a corner of solid angle omega is (2 pi / omega)^s; with s = 1/2 a map can open it to a half-space at K_I = 1 by
-/// the bound K_I p^2 >= 2 pi / omega. Best are 0.2 to 0.3 with fixed boundary values and 0.3 to 0.45 with others.
+/// The exponent of a corner of solid angle omega is (2 pi / omega)^s; with s = 1/2 the bound
+/// K_I p^2 >= 2 pi / omega for maps that open it to a half-space says nothing more. Best are 0.2 to 0.3 with fixed boundary
+/// values and 0.3 to 0.45 with others.
 const LARGEST_POWER: f64 = 0.5;
 /// The power started from, and that of a search which is over before it began.
 const USUAL_POWER: f64 = 0.25;
@@ -71,8 +72,8 @@ fn by_power(domain: &Domain, vertices: &[VertexId], power: f64) -> HashMap<Verte
     vertices.iter().zip(angles).map(|(&vertex, angle)| (vertex, (TAU / angle).powf(power))).collect()
 }
 
-/// Optimizes the images of the vertices for the exponents that `corners` has; if they are to be found, for those of the least largest K
-/// in a golden section over s. Gives the corners with the exponents arrived at.
+/// Optimizes the images of the vertices for the exponents that `corners` has; if they are to be found, for those of the
+/// least largest K in a golden section over s. Gives the corners with the exponents arrived at.
 pub(super) fn optimize_corners(
     domain: &Domain,
     start: &[Vec3],

@@ -14,8 +14,8 @@ use crate::solid::Surface;
 pub enum Onto {
     /// The image of the mesh: the map is linear on each tet.
     Polyhedron,
-    /// The unit ball: the piecewise-linear map followed by the radial map of its image, which must be star-shaped about 0. With
-    /// zeta(y) the boundary point of the image on the ray of y, it takes y to y / |zeta(y)|.
+    /// The unit ball: the piecewise-linear map followed by the radial map of its image, which must be star-shaped about 0.
+    /// With zeta(y) the boundary point of the image on the ray of y, it takes y to y / |zeta(y)|.
     Ball,
 }
 
@@ -38,7 +38,8 @@ pub enum EvaluatorError {
 /// The image of a point, or the point of an image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Located {
-    /// The tet that holds the point, where corners are warped the warped one: of those that share it, the one of the lowest number.
+    /// The tet that holds the point, where corners are warped the warped one: of those that share it, the one of the lowest
+    /// number.
     pub tet: TetId,
     /// Where it goes.
     pub position: Vec3,
@@ -46,8 +47,9 @@ pub struct Located {
 
 /// The piecewise-linear map of a domain and its inverse, for many points: the tets are kept in trees.
 ///
-/// In which tet a point lies is decided by exact predicates. A point outside of the mesh by at most 1e-12 of its size counts as
-/// one of the boundary. An image that overlaps itself has several inverses; the one in the tet of the lowest number is given.
+/// In which tet a point lies is decided by exact predicates. A point outside of the mesh by at most 1e-12 of its size
+/// counts as one of the boundary. An image that overlaps itself has several inverses; the one in the tet of the lowest
+/// number is given.
 ///
 /// ```
 /// use qcball::map::{Evaluator, Onto};
@@ -83,7 +85,8 @@ pub struct Evaluator<'a> {
 }
 
 impl<'a> Evaluator<'a> {
-    /// The map that takes the domain's vertices to `image`, one position a vertex, in any units; onto the ball it is scale-free.
+    /// The map that takes the domain's vertices to `image`, one position a vertex, in any units; onto the ball it is
+    /// scale-free.
     ///
     /// # Errors
     /// A tet that is flipped in the image; for a map onto the ball, an image that is not star-shaped about 0.
@@ -206,8 +209,8 @@ mod tests {
                     let Some(x) = map.inverse(&y) else { continue };
                     found += 1;
                     let back = map.at(&x.position).unwrap().position;
-                    // x is rounded at 1e-16 of its size, which the map stretches by less than 100; the weights at 1e-16 times
-                    // the condition of a tet, below 1e4.
+                    // x is rounded at 1e-16 of its size, which the map stretches by less than 100; the weights at 1e-16
+                    // times the condition of a tet, below 1e4.
                     assert!((back - y).norm() < 1e-11, "{solid} {onto:?}: {y:?}");
                 }
                 // The ball has 0.52 of the volume of its box, the inscribed tetrahedra's image less.

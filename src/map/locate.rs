@@ -44,8 +44,8 @@ impl Locator {
         Self { tets, hierarchy, slack }
     }
 
-    /// The tet of the lowest number that holds the point, decided exactly; for a point that none holds the nearest one, if it
-    /// is near enough. None for a point that is not finite.
+    /// The tet of the lowest number that holds the point, decided exactly; for a point that none holds the nearest one, if
+    /// it is near enough. None for a point that is not finite.
     pub fn find(&self, point: &Vec3) -> Option<Place> {
         if !point.iter().all(|x| x.is_finite()) {
             return None;

@@ -9,7 +9,8 @@ use crate::solid::Surface;
 /// [`crate::mesh::Features`] has it.
 const FLAT: f64 = 1e-7;
 
-/// The least distance of a face's centroid from a side's line, over the square root of the face's area, at which it sees that side.
+/// The least distance of a face's centroid from a side's line, over the square root of the face's area, at which it sees
+/// that side.
 const SEES: f64 = 1e-3;
 
 /// The faces, edges and corners of a polyhedron.
@@ -26,8 +27,8 @@ pub(super) struct Faces {
     pub edges: Vec<[usize; 2]>,
 }
 
-/// Finds the faces. Triangles whose joint face has a hole, touches itself or is not seen by its centroid as a whole stay what they
-/// are: faces of three sides.
+/// Finds the faces. Triangles whose joint face has a hole, touches itself or is not seen by its centroid as a whole stay
+/// what they are: faces of three sides.
 pub(super) fn flat_faces(surface: &Surface) -> Faces {
     let normals: Vec<Vec3> = surface.ids().map(|triangle| surface.area_vector(triangle)).collect();
     let mut sets = DisjointSets::new(normals.len());

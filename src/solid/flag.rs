@@ -1,9 +1,9 @@
-//! The flag mesher: a star-shaped polyhedron cut into the cones V over O C E, with V a corner, E a point of an edge, C a point of a
-//! face and O the star centre: the flags of the polyhedron.
+//! The flag mesher: a star-shaped polyhedron cut into the cones V over O C E, with V a corner, E a point of an edge, C a
+//! point of a face and O the star centre: the flags of the polyhedron.
 //!
-//! Every triangle O C E is meshed in polar coordinates about E, in sectors from C to O and rings around E, so that the mesh looks the
-//! same at every distance from an edge; each of its triangles is then the base of a cone over V that is cut into layers. Points on a
-//! side that two flags share are computed alike from both.
+//! Every triangle O C E is meshed in polar coordinates about E, in sectors from C to O and rings around E, so that the mesh
+//! looks the same at every distance from an edge; each of its triangles is then the base of a cone over V that is cut into
+//! layers. Points on a side that two flags share are computed alike from both.
 //!
 //! In a flag the linear function that is 0 at V and 1 on O C E is what a warp of the corner needs (see `map::corner`).
 
@@ -21,14 +21,14 @@ pub struct FlagSettings {
     pub rings: u32,
     /// Layers from a corner to the bases of its flags, at least 1.
     pub layers: u32,
-    /// Ratio of the thickness of a ring to that of the next one nearer to the edge, and of a layer to that of the next one nearer
-    /// to the corner, > 0; 1 for equal ones.
+    /// Ratio of the thickness of a ring to that of the next one nearer to the edge, and of a layer to that of the next one
+    /// nearer to the corner, > 0; 1 for equal ones.
     pub grading: f64,
 }
 
 impl Default for FlagSettings {
-    /// 280 tets a flag: 13,440 for a cube, which has 48. Their smallest dihedral angle is 0.6 degrees on a regular tetrahedron and 1.4
-    /// on a cube: next to an edge they are long.
+    /// 280 tets a flag: 13,440 for a cube, which has 48. Their smallest dihedral angle is 0.6 degrees on a regular
+    /// tetrahedron and 1.4 on a cube: next to an edge they are long.
     fn default() -> Self {
         Self { sectors: 4, rings: 4, layers: 4, grading: 1.3 }
     }
@@ -88,8 +88,8 @@ pub struct FlagMesh {
     pub flags: Vec<Flag>,
 }
 
-/// Meshes the solid inside `surface`, star-shaped about `centre`, by flags. Coplanar triangles make one face, and straight edges
-/// one edge; a face that its centroid does not see as a whole is cut into the given triangles.
+/// Meshes the solid inside `surface`, star-shaped about `centre`, by flags. Coplanar triangles make one face, and straight
+/// edges one edge; a face that its centroid does not see as a whole is cut into the given triangles.
 ///
 /// # Errors
 /// See [`FlagError`].
@@ -137,8 +137,8 @@ impl Bases {
         let middles: Vec<Vec3> =
             faces.edges.iter().map(|ends| (faces.points[ends[0]] + faces.points[ends[1]]) * 0.5).collect();
         let mut points = vec![centre];
-        // The ends of the sectors, on the line from C to O. The angles at the edges of a face are divided evenly, as far as one
-        // division of the line can do that for all of them: in the mean.
+        // The ends of the sectors, on the line from C to O. The angles at the edges of a face are divided evenly, as far as
+        // one division of the line can do that for all of them: in the mean.
         let mut ends = Vec::with_capacity(faces.loops.len() * n as usize);
         for (sides, middle) in faces.sides.iter().zip(&faces.centres) {
             for sector in 0..n {
@@ -163,8 +163,8 @@ impl Bases {
         Self { points, sectors: n, rings, faces: faces.loops.len() as u32, edges: faces.edges.len() as u32 }
     }
 
-    /// The point of a face's triangle at an edge: `ring` 0 is E, the last one is the line from C to O; sector 0 runs to C, the
-    /// last one to O. `side` counts the sides of all faces.
+    /// The point of a face's triangle at an edge: `ring` 0 is E, the last one is the line from C to O; sector 0 runs to C,
+    /// the last one to O. `side` counts the sides of all faces.
     fn point(&self, face: u32, edge: u32, side: u32, ring: u32, sector: u32) -> u32 {
         let of_edges = 1 + self.faces * self.sectors;
         let of_sides = of_edges + self.edges * self.rings;

@@ -6,8 +6,8 @@ use super::Warp;
 use crate::domain::Domain;
 use crate::mesh::{Mat3, TetId, TetMesh, VertexId};
 
-/// How far, in units of t (0 at the corner, 1 on the base), the cones of a corner may disagree at a common vertex, or a vertex lie
-/// off the base: points of flat faces and straight edges are computed with rounding.
+/// How far, in units of t (0 at the corner, 1 on the base), the cones of a corner may disagree at a common vertex, or a
+/// vertex lie off the base: points of flat faces and straight edges are computed with rounding.
 const FITS: f64 = 1e-9;
 
 /// How a map behaves at the corners of a solid.
@@ -42,12 +42,12 @@ pub struct Corners {
 
 /// A domain in which a warped tet is up to four, each with a reference matrix of its own.
 ///
-/// The dilatations of the warped map on a tet are the largest ones of its elements, for any images of the vertices: to minimize or
-/// bound them is to do so here.
+/// The dilatations of the warped map on a tet are the largest ones of its elements, for any images of the vertices: to
+/// minimize or bound them is to do so here.
 #[derive(Clone, Debug)]
 pub struct Elements {
-    /// The elements, as tets of a domain whose mesh has some of its tets several times. The first ones are the tets in their order;
-    /// the boundary is that of the mesh.
+    /// The elements, as tets of a domain whose mesh has some of its tets several times. The first ones are the tets in
+    /// their order; the boundary is that of the mesh.
     pub domain: Domain,
     /// The tet that each element belongs to.
     pub owners: Vec<TetId>,
@@ -111,13 +111,13 @@ pub enum CornerError {
 }
 
 impl Corners {
-    /// Takes cones, and for each tet the one it lies in. Checks, up to rounding, that the warps fit together: then they make a
-    /// homeomorphism of the domain that takes each boundary triangle of a flat face to that face.
+    /// Takes cones, and for each tet the one it lies in. Checks, up to rounding, that the warps fit together: then they
+    /// make a homeomorphism of the domain that takes each boundary triangle of a flat face to that face.
     ///
-    /// The tets of the cones at a corner fill a region that is star-shaped about the corner. Each of its outer faces is either
-    /// on the boundary of the domain and in a plane through the corner, or has t = 1; on its inner faces the cones agree on t. So t
-    /// is continuous in the region and linear on every ray from the corner, and the warp takes the region to itself, leaving
-    /// its faces of t = 1 as they are.
+    /// The tets of the cones at a corner fill a region that is star-shaped about the corner. Each of its outer faces is
+    /// either on the boundary of the domain and in a plane through the corner, or has t = 1; on its inner faces the cones
+    /// agree on t. So t is continuous in the region and linear on every ray from the corner, and the warp takes the region
+    /// to itself, leaving its faces of t = 1 as they are.
     ///
     /// # Errors
     /// See [`CornerError`].
@@ -256,8 +256,8 @@ impl Corners {
         Ok(())
     }
 
-    /// Whether the warps of two tets are the same on their common face: both leave it as it is, or they have one corner, and the
-    /// same t there.
+    /// Whether the warps of two tets are the same on their common face: both leave it as it is, or they have one corner,
+    /// and the same t there.
     fn agree(&self, tets: [u32; 2], face: [VertexId; 3], height: &dyn Fn(&Warp, VertexId) -> f64) -> bool {
         let cones = tets.map(|tet| self.of_tet[tet as usize].map(|cone| cone as usize));
         let still = |cone: Option<usize>| {

@@ -2,48 +2,50 @@
 //!
 //! # Why
 //!
-//! A piecewise-linear map is homogeneous of degree one at a vertex v of the boundary, so that its K_I there is at least the solid
-//! angle of the image over that of the domain, whatever the mesh and wherever its vertices go. A map that behaves at v like
-//! r -> r^p need only have K_I p^2 at least that.
+//! A piecewise-linear map is homogeneous of degree one at a vertex v of the boundary, so that its K_I there is at least the
+//! solid angle of the image over that of the domain, whatever the mesh and wherever its vertices go. A map that behaves at
+//! v like r -> r^p need only have K_I p^2 at least that.
 //!
 //! # The warp
 //!
-//! Let a cone have its apex at v, and let t be the linear function that is 0 at v and 1 on the base of the cone, n its gradient.
-//! For an exponent p > 0 the *warp* of the cone is
+//! Let a cone have its apex at v, and let t be the linear function that is 0 at v and 1 on the base of the cone, n its
+//! gradient. For an exponent p > 0 the *warp* of the cone is
 //!
 //! ```text
 //! w(x) = v + t(x)^(p-1) (x - v)          p = 1: the identity
 //! ```
 //!
-//! It takes each ray from v to itself, monotonically, and t to t^p, so that the cone goes to itself, its apex and its base stay
-//! where they are, and the inverse is the warp of exponent 1/p. On a side of the cone w depends on that side's t alone. The map
-//! that a piecewise-linear map f becomes, F = f o w, is therefore continuous if the cones that meet in a side have the same apex,
-//! the same t on the side and the same p; it is a homeomorphism if and only if f is, and the images of the triangles of the
-//! boundary are those under f. A tet with a corner of the solid among its vertices, with t = 1 on the face opposite to it, is such
-//! a cone by itself, the *corner element*, as long as no tet has two corners.
+//! It takes each ray from v to itself, monotonically, and t to t^p, so that the cone goes to itself, its apex and its base
+//! stay where they are, and the inverse is the warp of exponent 1/p. On a side of the cone w depends on that side's t
+//! alone. The map that a piecewise-linear map f becomes, F = f o w, is therefore continuous if the cones that meet in a
+//! side have the same apex, the same t on the side and the same p; it is a homeomorphism if and only if f is, and the
+//! images of the triangles of the boundary are those under f. A tet with a corner of the solid among its vertices, with t =
+//! 1 on the face opposite to it, is such a cone by itself, the *corner element*, as long as no tet has two corners.
 //!
 //! # Theorem: the largest K is that of at most four matrices
 //!
-//! Let f have the Jacobian A on a tet T inside of the cone. With u = (x - v) / t(x), the projection of x - v from the apex to the base,
+//! Let f have the Jacobian A on a tet T inside of the cone. With u = (x - v) / t(x), the projection of x - v from the apex
+//! to the base,
 //!
 //! ```text
 //! DF(x) = t^(p-1) N(u),     N(u) = A (I + (p-1) u n^T),     det N = p det A
 //! ```
 //!
-//! and *the largest K_O, K_I and K of F over the points that w takes to T are attained at the projections u of vertices of T*: at four
-//! points, at three if v itself is a vertex of T (it has no projection, and the others' span what T projects to).
+//! and *the largest K_O, K_I and K of F over the points that w takes to T are attained at the projections u of vertices of
+//! T*: at four points, at three if v itself is a vertex of T (it has no projection, and the others' span what T projects
+//! to).
 //!
-//! Proof. The gradient of t^(p-1) is (p-1) t^(p-2) n, hence Dw = t^(p-1) I + (p-1) t^(p-2) (x - v) n^T, which is t^(p-1) times
-//! I + (p-1) u n^T; a positive factor changes no dilatation. Since n.u = t / t = 1, the matrix determinant lemma gives
-//! det(I + (p-1) u n^T) = 1 + (p-1) = p and the Sherman-Morrison formula the inverse I - ((p-1)/p) u n^T. So det N is the same for
-//! all u, N is affine in u, and so is N^-1 = (I - ((p-1)/p) u n^T) A^-1. With |.| the spectral norm, K_O = |N|^3 / det N and
-//! K_I = |N^-1|^3 det N, for |N| = s_1 and det N = s_1 s_2 s_3. A norm of an affine function is convex, and so is its cube: K_O, K_I
-//! and their maximum are convex functions of u. x and w(x) have the same u, so u ranges over the central projection of T to the plane
-//! t = 1, which is the convex hull of the projections of its vertices; a convex function on a convex hull of points is largest at one of
-//! them. QED
+//! Proof. The gradient of t^(p-1) is (p-1) t^(p-2) n, hence Dw = t^(p-1) I + (p-1) t^(p-2) (x - v) n^T, which is t^(p-1)
+//! times I + (p-1) u n^T; a positive factor changes no dilatation. Since n.u = t / t = 1, the matrix determinant lemma
+//! gives det(I + (p-1) u n^T) = 1 + (p-1) = p and the Sherman-Morrison formula the inverse I - ((p-1)/p) u n^T. So det N is
+//! the same for all u, N is affine in u, and so is N^-1 = (I - ((p-1)/p) u n^T) A^-1. With |.| the spectral norm, K_O =
+//! |N|^3 / det N and K_I = |N^-1|^3 det N, for |N| = s_1 and det N = s_1 s_2 s_3. A norm of an affine function is convex,
+//! and so is its cube: K_O, K_I and their maximum are convex functions of u. x and w(x) have the same u, so u ranges over
+//! the central projection of T to the plane t = 1, which is the convex hull of the projections of its vertices; a convex
+//! function on a convex hull of points is largest at one of them. QED
 //!
-//! No bound is sampled, and to whoever minimizes K a warped tet is nothing but up to four ordinary ones with the same four vertices,
-//! whose reference matrices are B (I + (p-1) u n^T) in place of B.
+//! No bound is sampled, and to whoever minimizes K a warped tet is nothing but up to four ordinary ones with the same four
+//! vertices, whose reference matrices are B (I + (p-1) u n^T) in place of B.
 
 mod cones;
 
@@ -131,8 +133,9 @@ impl Warp {
         })
     }
 
-    /// The largest K_I and the largest K_O of the map that is `jacobian` after the warp, over the points that the warp takes to a
-    /// tet inside of the cone: exact up to rounding. [`Dilatation::FLIPPED`] where det `jacobian` is not positive.
+    /// The largest K_I and the largest K_O of the map that is `jacobian` after the warp, over the points that the warp
+    /// takes to a tet inside of the cone: exact up to rounding. [`Dilatation::FLIPPED`] where det `jacobian` is not
+    /// positive.
     pub fn dilatation(&self, jacobian: &Mat3, corners: [Vec3; 4]) -> Dilatation {
         let at = |projection: Vec3| Dilatation::of(&(jacobian * self.factor(&projection)));
         let larger =

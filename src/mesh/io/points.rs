@@ -23,8 +23,8 @@ pub struct PointTable {
     rows: Vec<Vec<String>>,
 }
 
-/// Reads points: the columns x, y and z of a `.csv` file, whose first line names its columns, or all points of a mesh or surface
-/// in any format of [`super::read_tets`] and [`super::read_surface`], in the order of the file.
+/// Reads points: the columns x, y and z of a `.csv` file, whose first line names its columns, or all points of a mesh or
+/// surface in any format of [`super::read_tets`] and [`super::read_surface`], in the order of the file.
 ///
 /// # Errors
 /// [`ReadError`], with the path and, where the format allows it, the line.
@@ -101,8 +101,8 @@ impl PointTable {
     /// Writes the points with further columns to a `.csv` file, or with further data to a `.vtu` file, in which the tets are
     /// cells, or each point if there are none.
     ///
-    /// The columns are those of the file that was read, followed by `columns`. A number has all its digits; where there is none
-    /// (`None`) its field is empty.
+    /// The columns are those of the file that was read, followed by `columns`. A number has all its digits; where there is
+    /// none (`None`) its field is empty.
     ///
     /// # Errors
     /// An unknown ending, a column that is there already, or the system's reason; with the path.
