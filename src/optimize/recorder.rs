@@ -110,6 +110,7 @@ impl<'a> Recorder<'a> {
     }
 
     /// What ends the present phase.
+    #[cfg(feature = "nlopt")]
     pub(super) fn cancel(&self) -> &Cancel {
         &self.cancel
     }

@@ -57,12 +57,13 @@ struct Options {
 
 impl Options {
     fn settings(&self) -> PyResult<OptimizeSettings> {
-        let mut settings = OptimizeSettings::default();
-        settings.max_iterations = self.max_iterations;
-        settings.tolerance = self.tolerance;
-        settings.polish = if self.polish { Polish::Mean } else { Polish::None };
-        settings.time_limit = self.time_limit.map(Duration::try_from_secs_f64).transpose().map_err(value_error)?;
-        Ok(settings)
+        Ok(OptimizeSettings {
+            max_iterations: self.max_iterations,
+            tolerance: self.tolerance,
+            polish: if self.polish { Polish::Mean } else { Polish::None },
+            time_limit: self.time_limit.map(Duration::try_from_secs_f64).transpose().map_err(value_error)?,
+            ..OptimizeSettings::default()
+        })
     }
 
     /// Does a job on a thread of its own while this one, without the interpreter's lock, waits for signals: one of them, or an
