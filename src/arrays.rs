@@ -9,11 +9,12 @@ use crate::bound::certificate::{self, Certificate};
 use crate::bound::{self, LowerBound};
 use crate::cancel::Cancel;
 use crate::domain::Domain;
-use crate::map::{RadialCoordinates, RayEnd, RayError, bijectivity, caraman};
+use crate::map::{RadialCoordinates, RayEnd, RayError, bijectivity, caraman, spherical_starts};
 use crate::measure::{Summary, measure as measure_domain};
-use crate::mesh::{FullBoundary, MeshError, TetMesh, TopologyError, Unit, Vec3, VertexId, full_boundary};
-use crate::optimize::{OptimizeError, OptimizeSettings, StopReason, TraceRow, untangle_and_optimize};
-use crate::solid::{CentreChoice, CentreError, Surface, SurfaceError, star_centre};
+use crate::mesh::{MeshError, TetMesh, TopologyError, Unit, Vec3, VertexId, full_boundary};
+use crate::optimize::{OptimizeError, OptimizeSettings, StopReason, Tangled, TraceRow};
+use crate::solid::{CentreChoice, CentreError, KernelError, Surface, SurfaceError, star_centre};
+use crate::sphere::SphereError;
 
 /// Settings of [`ball_map`].
 #[derive(Clone, Debug, PartialEq)]
@@ -119,6 +120,9 @@ pub enum ArrayError {
     /// The solid is not star-shaped, or not about the centre asked for.
     #[error(transparent)]
     Centre(#[from] CentreError),
+    /// The boundary has no map onto the sphere.
+    #[error(transparent)]
+    Sphere(#[from] SphereError),
     /// A vertex lies outside of the boundary.
     #[error(transparent)]
     Ray(#[from] RayError),
@@ -127,11 +131,12 @@ pub enum ArrayError {
     Optimize(#[from] OptimizeError),
 }
 
-/// Maps a star-shaped solid, given by its tets, onto the unit ball with the largest dilatation as small as the method can make
-/// it: boundary vertices go to the sphere along the rays from the star centre and stay there.
+/// Maps a solid, given by its tets, onto the unit ball with the largest dilatation as small as the method can make it. The
+/// boundary vertices of a star-shaped solid go to the sphere along the rays from the star centre, those of others by
+/// [`crate::sphere::sphere_map`], and stay there.
 ///
-/// Tets with all four vertices on the boundary are split, since nothing could change their dilatation: `tets` and `points`
-/// of the result may have more rows than were given.
+/// Tets with all four vertices on the boundary are split, since nothing could change their dilatation, and so are edges about
+/// the last tets that a start cannot be untangled at: `tets` and `points` of the result may have more rows than were given.
 ///
 /// # Errors
 /// [`ArrayError`]; how the optimization ends is data in the result.
@@ -178,15 +183,25 @@ pub fn ball_map_observed(
         CentreChoice::At(point) => CentreChoice::At(point.map(|x| unit.take(x, 1))),
         rule => rule.clone(),
     };
-    let centre = star_centre(&surface, &choice)?.position;
-    let full = full_boundary(given.mesh(), given.boundary())?;
-    let domain = if full.parents.is_empty() { given } else { Domain::new(full.mesh)? };
-    let coordinates = RadialCoordinates::of_domain(&domain, &surface, centre, RayEnd::Only)?;
-    let start = caraman(&coordinates, settings.exponent);
-    let fixed = domain.boundary().vertex_mask().to_vec();
-    let units = [unit, Unit::default()];
-    let mut map = improved(domain, units, &start, &fixed, &settings.optimize, observe)?;
-    map.bound(Some(centre), settings.certify);
+    let centre = match star_centre(&surface, &choice) {
+        Err(CentreError::Kernel(KernelError::NotStarShaped { .. })) => None,
+        centre => Some(centre?.position),
+    };
+    let full = full_boundary(given.mesh(), given.boundary());
+    let domain = if full.parents().is_empty() { given } else { Domain::new(full.mesh()?)? };
+    let (start, second) = match centre {
+        Some(centre) => {
+            let coordinates = RadialCoordinates::of_domain(&domain, &surface, centre, RayEnd::Only)?;
+            (caraman(&coordinates, settings.exponent), None)
+        }
+        None => {
+            let starts = spherical_starts(&domain)?;
+            (starts.hyperbolic, Some(starts.harmonic))
+        }
+    };
+    let tangled = Tangled { domain, start, second, fixed: None, may_refine: true };
+    let mut map = improved(tangled, [unit, Unit::default()], &settings.optimize, observe)?;
+    map.bound(centre, settings.certify);
     Ok(map.arrays())
 }
 
@@ -223,22 +238,21 @@ pub fn optimize_observed(
     if let Some(row) = image.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
         return Err(ArrayError::NotFinite { array: "image", row });
     }
-    let (domain, start, fixed) = match fixed {
+    let (domain, start) = match fixed {
         Some(fixed) => {
             check_length("fixed", fixed.len(), points.len())?;
-            (given, image, fixed.to_vec())
+            (given, image)
         }
         None => {
-            let full = full_boundary(given.mesh(), given.boundary())?;
+            let full = full_boundary(given.mesh(), given.boundary());
             let start = full.extend(image);
-            let FullBoundary { mesh, parents, .. } = full;
-            let domain = if parents.is_empty() { given } else { Domain::any_topology(mesh)? };
-            let fixed = domain.boundary().vertex_mask().to_vec();
-            (domain, start, fixed)
+            (if full.parents().is_empty() { given } else { Domain::any_topology(full.mesh()?)? }, start)
         }
     };
-    let boundary_is_fixed = domain.boundary().vertex_mask().iter().zip(&fixed).all(|(&on, &fixed)| fixed || !on);
-    let mut map = improved(domain, [unit, of_image], &start, &fixed, settings, observe)?;
+    let on_boundary = domain.boundary().vertex_mask();
+    let boundary_is_fixed = fixed.is_none_or(|fixed| on_boundary.iter().zip(fixed).all(|(&on, &fixed)| fixed || !on));
+    let tangled = Tangled { domain, start, second: None, fixed, may_refine: true };
+    let mut map = improved(tangled, [unit, of_image], settings, observe)?;
     if boundary_is_fixed {
         map.bound(None, None);
     }
@@ -295,14 +309,13 @@ struct Improved {
 }
 
 fn improved(
-    domain: Domain,
+    tangled: Tangled<'_>,
     units: [Unit; 2],
-    start: &[Vec3],
-    fixed: &[bool],
     settings: &OptimizeSettings,
     observe: &mut dyn FnMut(&TraceRow),
 ) -> Result<Improved, ArrayError> {
-    let (_, outcome) = untangle_and_optimize(&domain, start, fixed, settings, observe)?;
+    let (freed, outcome) = tangled.free_and_optimize(settings, observe)?;
+    let domain = freed.domain;
     let (image, stop, trace) = (outcome.positions, outcome.stop, outcome.trace);
     Ok(Improved { domain, units, image, stop, trace, bounds: Vec::new(), certificate: None })
 }

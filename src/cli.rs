@@ -10,6 +10,7 @@ mod optimize;
 mod output;
 mod picture;
 mod progress;
+mod sphere;
 mod sweep;
 mod verify;
 
@@ -57,6 +58,8 @@ enum Command {
     Map(map::MapArguments),
     /// Give the images of points under the map of a results folder, or the points that go to given ones.
     Evaluate(evaluate::EvaluateArguments),
+    /// Map a closed surface without handles onto the unit sphere, one-to-one, with little distortion.
+    Sphere(sphere::SphereArguments),
     /// Draw a mesh, or a map beside its domain, cut open and coloured: a PNG without a display.
     Picture(picture::PictureArguments),
     /// Optimize every mesh of a folder and write a table of the results, beside those of other programs.
@@ -134,6 +137,8 @@ pub(crate) enum Failure {
     #[error(transparent)]
     Evaluate(#[from] evaluate::EvaluateFailure),
     #[error(transparent)]
+    Sphere(#[from] sphere::SphereFailure),
+    #[error(transparent)]
     Page(#[from] PageError),
     #[error(transparent)]
     Picture(#[from] picture::PictureFailure),
@@ -158,6 +163,7 @@ pub fn main() -> ExitCode {
         Command::Verify(arguments) => verify::verify_folder(&arguments),
         Command::Map(arguments) => map::map(&arguments),
         Command::Evaluate(arguments) => evaluate::evaluate(&arguments),
+        Command::Sphere(arguments) => sphere::sphere(&arguments),
         Command::Picture(arguments) => picture::picture(&arguments),
         Command::Bench(arguments) => bench::bench(&arguments),
         Command::Report { folder } => report(&folder),

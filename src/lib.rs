@@ -1,6 +1,6 @@
-//! Ball parameterizations of star-shaped solids with low quasi-conformal dilatation.
+//! Ball parameterizations of solids with low quasi-conformal dilatation.
 //!
-//! A solid is filled with tetrahedra, mapped radially onto the unit ball, and the interior vertices of the image are moved
+//! A solid is filled with tetrahedra, mapped onto the unit ball (radially, if it is star-shaped), and the interior vertices of the image are moved
 //! until the largest dilatation of any tetrahedron is as small as the method can make it. The result is measured anew from
 //! the final positions and set beside proved lower bounds. The command `qcball run` does this for a config file; this page
 //! goes through the library in the order in which data flows.
@@ -94,7 +94,8 @@
 //!             -> StarCentre               a point of the kernel; proved to see every triangle
 //!             -> ShellMesh                layers of tets in the cones over the surface triangles; or a mesh is given
 //!             -> Domain                   a topological ball, with reference gradients, volumes and boundary
-//!             -> initial positions        Caraman's radial map, or a map in closed form; untangled if necessary
+//!             -> initial positions        Caraman's radial map; progressive embedding of the boundary and a harmonic
+//!                                         map inside; or a map in closed form; untangled if necessary
 //!             -> Outcome                  optimized positions, stop reason, a row for each iteration
 //!             -> Measured, Bijectivity    from the final positions alone
 //!             -> LowerBounds              from the domain and the boundary positions alone
@@ -167,6 +168,10 @@
 //! is linear for a = 1, so that no tet of the start is flipped and K is constant in each cone. For given meshes the
 //! start may have flipped tets: [`mesh::full_boundary`] frees the locked ones and [`optimize::untangle()`] moves the vertices
 //! until every image volume is positive, or says which tets resist.
+//!
+//! A solid that is not star-shaped has no such map. There [`sphere::sphere_map`] takes the boundary to the sphere with no
+//! triangle flipped, [`map::hyperbolic_harmonic`] follows inside, and [`optimize::untangle_locally`] and
+//! [`optimize::refine_and_untangle`] free the tets that are flipped, which may differ in size by many orders.
 //!
 //! # Optimizing
 //!
@@ -290,8 +295,9 @@
 //! | [`dilatation`] | K_I, K_O and K of one Jacobian |
 //! | [`mesh`] | ids, units, tet meshes, boxes and soups, topology, sharp features, full boundary; `io`: a format a file |
 //! | [`solid`] | built-in solids, closed surfaces and their invariants, star kernel and centre, the shell and flag meshers, voxels |
+//! | [`mod@sphere`] | boundary maps: closed surfaces without handles onto the sphere |
 //! | [`domain`] | a mesh that is a ball, with reference gradients and volumes |
-//! | [`map`] | the radial map; whether a map is bijective; a map and its inverse at any points; `analytic`: maps in closed form |
+//! | [`map`] | the radial map; harmonic maps inside of a boundary map; whether a map is bijective; a map and its inverse at any points; `analytic`: maps in closed form |
 //! | [`mod@measure`] | dilatations of all tets, their quantiles, the active tets, the bottleneck; K onto the ball |
 //! | [`estimate`] | the paper's estimates of K at vertices and cells, of tets and hexahedra |
 //! | [`objective`] | energies of one tet and their sum with gradient and Hessian |
@@ -323,6 +329,8 @@ pub mod dilatation;
 pub mod mesh;
 
 pub mod solid;
+
+pub mod sphere;
 
 pub mod domain;
 

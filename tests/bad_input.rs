@@ -141,7 +141,11 @@ fn surfaces() -> Vec<Case> {
         surface("b.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 3 2 1\n", &["encloses no volume"]),
         surface("b.obj", &two, &["2 separate pieces", "12 triangles at [0.0, 0.0, 0.0]", "keep one"]),
         // The walls of the slot, x = 1 and x = 2, exclude each other.
-        surface("b.obj", &u_block(), &["not star-shaped", "[2.0000, ", "[1.0000, ", "star-shaped parts"]),
+        case(
+            "run a.toml",
+            &[("a.toml", "[domain]\nfile = \"b.obj\"\n[map]\nkind = \"radial\"\n"), ("b.obj", &u_block())],
+            &["not star-shaped", "[2.0000, ", "[1.0000, ", "spherical"],
+        ),
         surface_about(
             "[3, 0.5, 0.5]",
             "b.obj",

@@ -161,7 +161,7 @@ fn tets_that_cannot_be_untangled_are_listed() {
 }
 
 #[test]
-fn the_farthest_map_takes_a_solid_that_is_not_star_shaped() {
+fn a_solid_that_is_not_star_shaped_is_mapped_by_its_boundary_or_from_the_farthest_points() {
     let folder = tempfile::tempdir().unwrap();
     // A block with a notch: the grid without the cells of the upper half of its middle slice.
     let (points, tets) = grid(4);
@@ -182,4 +182,16 @@ fn the_farthest_map_takes_a_solid_that_is_not_star_shaped() {
     let report = experiment::run(&far, &mut |_| {}).unwrap().report;
     assert!(report.warnings.iter().any(|warning| warning.contains("farthest")));
     assert!(report.map.radial_smooth_k.is_none() && report.domain.centre.is_none());
+    // Left to itself, the solid is mapped onto the ball: proved bijective, from positions on the sphere.
+    let plan = Plan::read(&config(folder.path(), "notch.mesh", ""), &[]).unwrap();
+    let finished = experiment::run(&plan, &mut |_| {}).unwrap();
+    assert!(finished.report.bijective && finished.report.achieved.last.max_k.is_finite());
+    let boundary = finished.report.map.boundary_map.expect("the boundary was mapped by progressive embedding");
+    assert!(boundary.max_stretch > 1.0 && boundary.max_stretch < 100.0);
+    let on_boundary = finished.domain.boundary().vertex_mask().iter().zip(&finished.outcome.positions);
+    assert!(on_boundary.filter(|(on, _)| **on).all(|(_, p)| (p.norm() - 1.0).abs() < 1e-15));
+    // By name, "radial" still says what stands in its way.
+    let radial = Plan::read(&config(folder.path(), "notch.mesh", "[map]\nkind = \"radial\""), &[]).unwrap();
+    let error = experiment::run(&radial, &mut |_| {}).unwrap_err().to_string();
+    assert!(error.contains("not star-shaped") && error.contains("spherical"), "{error}");
 }

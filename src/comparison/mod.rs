@@ -212,7 +212,7 @@ impl Mesh {
             CellsPlan::Tets(MeshPlan::External(settings)) => {
                 Self::Tets(external_mesh(surface, settings, &Cancel::default())?)
             }
-            CellsPlan::Tets(MeshPlan::Shell(settings)) => {
+            CellsPlan::Tets(MeshPlan::Shell(settings) | MeshPlan::Auto { shell: settings, .. }) => {
                 let centre = star_centre(surface, &plan.centre)?;
                 Self::Tets(shell_mesh(surface, centre.position, settings)?.mesh)
             }
@@ -266,7 +266,7 @@ fn row(
     let filling = match &plan.cells {
         CellsPlan::Voxels(voxels) => voxels.to_string(),
         CellsPlan::Tets(MeshPlan::External(settings)) => format!("{} tets", settings.mesher),
-        CellsPlan::Tets(MeshPlan::Shell(_)) => "shell tets".into(),
+        CellsPlan::Tets(MeshPlan::Shell(_) | MeshPlan::Auto { .. }) => "shell tets".into(),
         CellsPlan::Tets(MeshPlan::Flag(_)) => "flag tets".into(),
         CellsPlan::Surface => "no cells".into(),
     };

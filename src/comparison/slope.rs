@@ -72,7 +72,7 @@ pub(super) fn slopes(plan: &AnalyticPlan, rows: &[ComparisonRow]) -> Vec<Slope> 
 fn kind_of_cells(cells: &CellsPlan) -> String {
     match cells {
         CellsPlan::Voxels(_) => "boxes".into(),
-        CellsPlan::Tets(MeshPlan::Shell(_)) => "shell tets".into(),
+        CellsPlan::Tets(MeshPlan::Shell(_) | MeshPlan::Auto { .. }) => "shell tets".into(),
         CellsPlan::Tets(MeshPlan::Flag(_)) => "flag tets".into(),
         CellsPlan::Tets(MeshPlan::External(settings)) => format!("{} tets", settings.mesher),
         CellsPlan::Surface => "no cells".into(),

@@ -13,7 +13,7 @@ pub(super) fn corners(config: &Config, map: &InitialMap) -> Result<CornerChoice,
         Some(CornersValue::Named(CornersName::Power)) => CornerChoice::Power,
         Some(CornersValue::Exponent(exponent)) => CornerChoice::Exponent(positive(Some(exponent), 1.5, &key)?),
     };
-    if !matches!(map, InitialMap::Radial { .. }) {
+    if !matches!(map, InitialMap::Auto { .. } | InitialMap::Radial { .. }) {
         let message = "powers at the corners are for maps onto the ball".to_string();
         return Err(Fault::at(&key, message, "remove the key, or use the map \"radial\""));
     }

@@ -10,12 +10,19 @@ use crate::solid::CentreChoice;
 /// The map to start from.
 #[derive(Clone, Debug, PartialEq)]
 pub enum InitialMap {
+    /// Radial where the solid is star-shaped, else spherical.
+    Auto {
+        /// Exponent a > 0 of the radial map; `None` for the best one.
+        exponent: Option<f64>,
+    },
     /// Caraman's radial map onto the unit ball.
     Radial {
         /// Exponent a > 0, 1 maps rays linearly; `None` for the best one.
         exponent: Option<f64>,
     },
-    /// Its extension to solids that are not star-shaped, with the exponent a > 0.
+    /// The boundary onto the sphere by progressive embedding, the inside hyperbolic harmonic.
+    Spherical,
+    /// The radial map's extension to solids that are not star-shaped, with the exponent a > 0.
     Farthest {
         /// Exponent a > 0.
         exponent: f64,
@@ -28,7 +35,9 @@ pub enum InitialMap {
 pub(super) fn plan(config: &Config, is_mesh: bool) -> Result<InitialMap, Fault> {
     let table = &config.map;
     match table.kind {
+        MapKind::Auto => Ok(InitialMap::Auto { exponent: radial_exponent(table)? }),
         MapKind::Radial => Ok(InitialMap::Radial { exponent: radial_exponent(table)? }),
+        MapKind::Spherical => spherical(table),
         MapKind::Farthest => farthest(config, is_mesh),
         _ => formula(table).map(InitialMap::Formula),
     }
@@ -52,6 +61,14 @@ fn radial_exponent(table: &MapTable) -> Result<Option<f64>, Fault> {
     }
 }
 
+fn spherical(table: &MapTable) -> Result<InitialMap, Fault> {
+    if let Some(key) = given(table).keys().find(|key| *key != "kind") {
+        let message = format!("`{key}` is no parameter of a spherical map, which has none");
+        return Err(Fault::at(&["map", key], message, "remove it, or choose the kind of the map that it belongs to"));
+    }
+    Ok(InitialMap::Spherical)
+}
+
 fn only_radial() -> Fault {
     let message = "the best exponent is known for the map \"radial\" only".to_string();
     Fault::at(&["map", "exponent"], message, "give a number")
@@ -61,7 +78,7 @@ fn farthest(config: &Config, is_mesh: bool) -> Result<InitialMap, Fault> {
     let exponent = radial_exponent(&config.map)?;
     // All that is wrong at once: each would be the next message after the last.
     let (mut messages, mut helps) = (Vec::new(), Vec::new());
-    if !is_mesh && matches!(config.mesh.kind, MeshKind::Shell | MeshKind::Flag) {
+    if !is_mesh && matches!(config.mesh.kind, MeshKind::Auto | MeshKind::Shell | MeshKind::Flag) {
         messages.push("cannot start from a shell or flag mesh, which are for star-shaped solids");
         helps.push("give a mesh as domain.file, or set mesh.kind to \"tetgen\" or \"gmsh\"");
     }
@@ -77,7 +94,7 @@ fn farthest(config: &Config, is_mesh: bool) -> Result<InitialMap, Fault> {
         Some(exponent) if messages.is_empty() => Ok(InitialMap::Farthest { exponent }),
         _ => {
             let message = format!("the map \"farthest\" {}", messages.join(", and it "));
-            Err(Fault::at(&["map", "kind"], message, helps.join("; ") + "; or use kind = \"radial\""))
+            Err(Fault::at(&["map", "kind"], message, helps.join("; ") + "; or use kind = \"spherical\""))
         }
     }
 }

@@ -10,6 +10,15 @@ use crate::solid::{ExternalMesher, ExternalSettings, FlagSettings, MOST_TETS, Re
 /// How a solid is filled with tets.
 #[derive(Clone, Debug, PartialEq)]
 pub enum MeshPlan {
+    /// Shells where the solid is star-shaped, else TetGen where it is installed, else Gmsh.
+    Auto {
+        /// What shells are made of.
+        shell: ShellSettings,
+        /// What TetGen is asked for, and Gmsh where there is none.
+        external: ExternalSettings,
+        /// Keys that only shells take.
+        shell_keys: Vec<&'static str>,
+    },
     /// Cones over the surface triangles, cut into layers.
     Shell(ShellSettings),
     /// Cones over the flags of a polyhedron.
@@ -25,11 +34,12 @@ const MOST_CELLS: i64 = MOST_TETS as i64 / 10 * 9;
 /// onto the ball is at most so many times K.
 const BALL: f64 = 1.25;
 
-const BY_LENGTH: &[MeshKind] = &[MeshKind::Shell, MeshKind::Tetgen, MeshKind::Gmsh];
-const SHELL: &[MeshKind] = &[MeshKind::Shell];
+const BY_LENGTH: &[MeshKind] = &[MeshKind::Auto, MeshKind::Shell, MeshKind::Tetgen, MeshKind::Gmsh];
+const SHELL: &[MeshKind] = &[MeshKind::Auto, MeshKind::Shell];
 const FLAG: &[MeshKind] = &[MeshKind::Flag];
-const LAYERED: &[MeshKind] = &[MeshKind::Shell, MeshKind::Flag];
-const EXTERNAL: &[MeshKind] = &[MeshKind::Tetgen, MeshKind::Gmsh];
+const LAYERED: &[MeshKind] = &[MeshKind::Auto, MeshKind::Shell, MeshKind::Flag];
+const EXTERNAL: &[MeshKind] = &[MeshKind::Auto, MeshKind::Tetgen, MeshKind::Gmsh];
+const NAMED: &[MeshKind] = &[MeshKind::Tetgen, MeshKind::Gmsh];
 const TETGEN: &[MeshKind] = &[MeshKind::Tetgen];
 
 /// One row a key: its name, whether it was given, and the meshers it belongs to.
@@ -47,14 +57,14 @@ fn keys(table: &MeshTable) -> [(&'static str, bool, &'static [MeshKind]); 14] {
         ("max_volume", table.max_volume.is_some(), EXTERNAL),
         ("quality", table.quality.is_some(), TETGEN),
         ("keep_boundary", table.keep_boundary.is_some(), EXTERNAL),
-        ("program", table.program.is_some(), EXTERNAL),
+        ("program", table.program.is_some(), NAMED),
         ("program_time_limit", table.program_time_limit.is_some(), EXTERNAL),
     ]
 }
 
 /// The first key that was given, if any.
 pub(super) fn first_given(table: &MeshTable) -> Option<&'static str> {
-    let kind = (table.kind != MeshKind::Shell).then_some("kind");
+    let kind = (table.kind != MeshKind::Auto).then_some("kind");
     kind.or_else(|| keys(table).into_iter().find(|(_, given, _)| *given).map(|(key, ..)| key))
 }
 
@@ -68,6 +78,15 @@ pub(super) fn plan(table: &MeshTable, config_path: &Path) -> Result<MeshPlan, Fa
         }
     }
     match table.kind {
+        MeshKind::Auto => Ok(MeshPlan::Auto {
+            shell: shell(table)?,
+            external: external(table, ExternalMesher::TetGen, config_path)?,
+            shell_keys: keys(table)
+                .into_iter()
+                .filter(|(_, given, owners)| *given && !owners.contains(&MeshKind::Tetgen))
+                .map(|(key, ..)| key)
+                .collect(),
+        }),
         MeshKind::Shell => shell(table).map(MeshPlan::Shell),
         MeshKind::Flag => flag(table).map(MeshPlan::Flag),
         MeshKind::Tetgen => external(table, ExternalMesher::TetGen, config_path).map(MeshPlan::External),
@@ -78,6 +97,7 @@ pub(super) fn plan(table: &MeshTable, config_path: &Path) -> Result<MeshPlan, Fa
 /// A mesher's name as it stands in a config.
 fn spelled(kind: MeshKind) -> &'static str {
     match kind {
+        MeshKind::Auto => "auto",
         MeshKind::Shell => "shell",
         MeshKind::Flag => "flag",
         MeshKind::Tetgen => "tetgen",

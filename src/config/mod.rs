@@ -140,9 +140,10 @@ pub enum CentreName {
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct MeshTable {
-    /// The mesher. Default: "shell", cones over the surface triangles cut into layers. "flag": a polyhedron cut into cones from
-    /// its corners over triangles of the centre, a face's and an edge's middle, polar about the edges. "tetgen" and "gmsh" run the
-    /// program of that name.
+    /// The mesher. Default: "auto", which is "shell", cones over the surface triangles cut into layers, where the solid is
+    /// star-shaped, else TetGen where it is installed, else Gmsh; each takes its own keys. "flag": a polyhedron cut into cones
+    /// from its corners over triangles of the centre, a face's and an edge's middle, polar about the edges. "tetgen" and "gmsh"
+    /// run the program of that name.
     pub kind: MeshKind,
     /// Each surface triangle is first split into this number squared, at least 1 (shell). Default: 1; and if
     /// neither this nor `edge_length` nor `cells` is given, edges are halved until the image is nearly a ball: until the radial
@@ -201,8 +202,10 @@ pub struct MeshTable {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum MeshKind {
-    /// Cones over the surface triangles, cut into layers.
+    /// Shells where the solid is star-shaped, else TetGen or Gmsh.
     #[default]
+    Auto,
+    /// Cones over the surface triangles, cut into layers.
     Shell,
     /// Cones over the flags of a polyhedron.
     Flag,
@@ -247,9 +250,10 @@ pub enum CornersName {
 #[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct MapTable {
-    /// The map to start from. Default: "radial", Caraman's. "farthest" takes the farthest boundary point on each ray, for
-    /// given meshes of solids that are not star-shaped about the centre: a map into a part of the ball. The others are maps
-    /// in closed form onto images of their own, whose values at the boundary vertices are kept.
+    /// The map to start from. Default: "auto", which is "radial", Caraman's, where the solid is star-shaped, else "spherical":
+    /// the boundary by progressive embedding and the inside in balance, for any solid that is a ball. "farthest" takes the
+    /// farthest boundary point on each ray: a map into a part of the ball that may overlap itself. The others are maps in
+    /// closed form onto images of their own, whose values at the boundary vertices are kept.
     pub kind: MapKind,
     /// Exponent a > 0 of the radial map: the point at the fraction t of the way to the surface goes to radius t^a; or
     /// "optimize", the exponent with the least K. Default: 1. Of the map |x|^(a-1) x (power): any number but 0.
@@ -293,10 +297,14 @@ pub enum ExponentName {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum MapKind {
-    /// Caraman's radial map; "caraman" names it as well.
+    /// Radial where the solid is star-shaped, else spherical.
     #[default]
+    Auto,
+    /// Caraman's radial map; "caraman" names it as well.
     #[serde(alias = "caraman")]
     Radial,
+    /// The boundary onto the sphere by progressive embedding, the inside hyperbolic harmonic.
+    Spherical,
     /// Its extension to solids that are not star-shaped: each ray up to the farthest boundary point.
     Farthest,
     /// x -> A x + b.

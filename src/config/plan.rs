@@ -14,7 +14,7 @@ use crate::map::CornerChoice;
 use crate::mesh::Unit;
 use crate::mesh::io::{ReadError, SolidFile, SurfaceFormat, TetFormat, read_solid};
 use crate::optimize::{Objective, OptimizeSettings, Polish};
-use crate::solid::{CentreChoice, Refinement, RepairSettings, Solid};
+use crate::solid::{CentreChoice, ExternalSettings, Refinement, RepairSettings, ShellSettings, Solid};
 
 /// A run that can be started.
 #[derive(Clone, Debug)]
@@ -108,25 +108,32 @@ impl Plan {
     /// The plan with its lengths counted in another unit.
     pub(crate) fn in_unit(&self, unit: Unit) -> Self {
         let length = |length| unit.take(length, 1);
-        let mesh = match &self.mesh {
-            MeshPlan::Shell(settings) => {
-                let mut settings = settings.clone();
-                if let Some(Refinement::EdgeLength(edge)) = &mut settings.refinement {
-                    *edge = length(*edge);
-                }
-                MeshPlan::Shell(settings)
+        let of_shells = |settings: &ShellSettings| {
+            let mut settings = settings.clone();
+            if let Some(Refinement::EdgeLength(edge)) = &mut settings.refinement {
+                *edge = length(*edge);
             }
+            settings
+        };
+        let of_external = |settings: &ExternalSettings| {
+            let mut settings = settings.clone();
+            settings.max_volume = settings.max_volume.map(|volume| unit.take(volume, 3));
+            if let Some(sizing) = &mut settings.sizing {
+                sizing.edge_length = length(sizing.edge_length);
+                sizing.feature_edge_length = length(sizing.feature_edge_length);
+            }
+            settings
+        };
+        let mesh = match &self.mesh {
+            MeshPlan::Auto { shell, external, shell_keys } => MeshPlan::Auto {
+                shell: of_shells(shell),
+                external: of_external(external),
+                shell_keys: shell_keys.clone(),
+            },
+            MeshPlan::Shell(settings) => MeshPlan::Shell(of_shells(settings)),
             // Counted in parts of the solid.
             MeshPlan::Flag(settings) => MeshPlan::Flag(settings.clone()),
-            MeshPlan::External(settings) => {
-                let mut settings = settings.clone();
-                settings.max_volume = settings.max_volume.map(|volume| unit.take(volume, 3));
-                if let Some(sizing) = &mut settings.sizing {
-                    sizing.edge_length = length(sizing.edge_length);
-                    sizing.feature_edge_length = length(sizing.feature_edge_length);
-                }
-                MeshPlan::External(settings)
-            }
+            MeshPlan::External(settings) => MeshPlan::External(of_external(settings)),
         };
         let centre = match &self.centre {
             CentreChoice::At(point) => CentreChoice::At(point.map(length)),

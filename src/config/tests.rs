@@ -30,8 +30,9 @@ fn the_least_config_has_the_documented_defaults() {
     assert_eq!((plan.seed, plan.threads), (0, None));
     assert_eq!((plan.domain, plan.centre), (DomainSource::Solid(Solid::Cube), CentreChoice::Kernel));
     let shell = ShellSettings { subdivisions: 1, refinement: Some(Refinement::Ball(1.25)), layers: 8, grading: 1.0 };
-    assert_eq!(plan.mesh, MeshPlan::Shell(shell));
-    assert_eq!(plan.map, InitialMap::Radial { exponent: Some(1.0) });
+    let external = ExternalSettings::new(ExternalMesher::TetGen);
+    assert_eq!(plan.mesh, MeshPlan::Auto { shell, external, shell_keys: Vec::new() });
+    assert_eq!(plan.map, InitialMap::Auto { exponent: Some(1.0) });
     assert_eq!((plan.optimize, plan.certify), (OptimizeSettings::default(), None));
 }
 
@@ -135,20 +136,20 @@ fn a_programs_path_is_relative_to_the_config() {
 #[test]
 fn meshers_refuse_each_others_keys() {
     let keys = [
-        ("subdivisions = 2", "shell"),
-        ("cells = 9", "shell"),
-        ("layers = 2", "shell"),
-        ("grading = 2", "shell"),
-        ("edge_length = 0.5", "shell tetgen gmsh"),
-        ("feature_edge_length = 0.1", "tetgen gmsh"),
-        ("feature_edge_length = 0.1\nfeature_growth = 0.1", "tetgen gmsh"),
-        ("max_volume = 0.1", "tetgen gmsh"),
+        ("subdivisions = 2", "auto shell"),
+        ("cells = 9", "auto shell"),
+        ("layers = 2", "auto shell"),
+        ("grading = 2", "auto shell"),
+        ("edge_length = 0.5", "auto shell tetgen gmsh"),
+        ("feature_edge_length = 0.1", "auto tetgen gmsh"),
+        ("feature_edge_length = 0.1\nfeature_growth = 0.1", "auto tetgen gmsh"),
+        ("max_volume = 0.1", "auto tetgen gmsh"),
         ("quality = 2", "tetgen"),
-        ("keep_boundary = false", "tetgen gmsh"),
+        ("keep_boundary = false", "auto tetgen gmsh"),
         ("program = \"mesher\"", "tetgen gmsh"),
-        ("program_time_limit = 5", "tetgen gmsh"),
+        ("program_time_limit = 5", "auto tetgen gmsh"),
     ];
-    for kind in ["shell", "tetgen", "gmsh"] {
+    for kind in ["auto", "shell", "tetgen", "gmsh"] {
         for (lines, owners) in keys {
             let text = format!("[domain]\nsolid = \"cube\"\n[mesh]\nkind = \"{kind}\"\n{lines}");
             if owners.split(' ').any(|owner| owner == kind) {
@@ -185,6 +186,8 @@ fn maps_in_closed_form_are_read_as_in_the_table_analytic() {
     let composed = formula("composition", &[&format!("maps={maps}")]);
     assert_eq!(map(&format!("kind = \"composition\"\nmaps = {maps}"), &[]), composed);
     assert_eq!(map("kind = \"caraman\"\nexponent = 2", &[]), InitialMap::Radial { exponent: Some(2.0) });
+    assert_eq!(map("exponent = 2", &[]), InitialMap::Auto { exponent: Some(2.0) });
+    assert_eq!(map("kind = \"spherical\"", &[]), InitialMap::Spherical);
 }
 
 #[test]
@@ -283,7 +286,11 @@ fn faults_name_line_key_and_remedy() {
 fn overrides_apply_in_order_and_are_blamed_for_their_own_faults() {
     let cube = "[domain]\nsolid = \"cube\"\n[mesh]\nlayers = 0";
     let good = plan(cube, &["mesh.layers=2", "domain.solid=ball", "domain.resolution = 3", "mesh.layers=5"]).unwrap();
-    assert!(matches!(good.mesh, MeshPlan::Shell(ShellSettings { layers: 5, .. })), "{:?}", good.mesh);
+    assert!(
+        matches!(&good.mesh, MeshPlan::Auto { shell: ShellSettings { layers: 5, .. }, shell_keys, .. } if shell_keys == &["layers"]),
+        "{:?}",
+        good.mesh
+    );
     assert_eq!(good.domain, DomainSource::Solid(Solid::Ball { radius: 1.0, resolution: 3 }));
     assert_eq!(plan("", &["domain.solid=\"ball\""]).unwrap().source.overrides().count(), 1);
     let cases: &[(&str, &[&str])] = &[

@@ -4,13 +4,12 @@ use std::collections::HashMap;
 use std::f64::consts::TAU;
 
 use super::error::Fault;
-use super::untangle_and_optimize;
 use crate::domain::Domain;
 use crate::map::corner::solid_angles;
 use crate::map::{Cone, CornerChoice, Corners};
 use crate::measure::measure_elements;
 use crate::mesh::{BoundaryEdges, Features, Vec3, VertexId};
-use crate::optimize::{OptimizeSettings, Outcome, Polish, TraceRow, Untangled};
+use crate::optimize::{OptimizeSettings, Outcome, Polish, TraceRow, Untangled, untangle_and_optimize};
 use crate::solid::{Flag, FlagMesh};
 
 /// The exponent of a corner of solid angle omega is (2 pi / omega)^s; with s = 1/2 the bound

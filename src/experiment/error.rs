@@ -9,6 +9,7 @@ use crate::mesh::io::ReadError;
 use crate::mesh::{MeshError, TopologyError};
 use crate::optimize::OptimizeError;
 use crate::solid::{CentreError, ExternalError, FlagError, ShellError, SolidError, SurfaceError};
+use crate::sphere::SphereError;
 
 /// What is wrong with the input of a run; found before any optimisation.
 #[derive(Debug, thiserror::Error)]
@@ -82,6 +83,16 @@ pub enum Fault {
     /// No mesh from TetGen or Gmsh.
     #[error(transparent)]
     External(#[from] ExternalError),
+    /// No program that fills a solid of any shape.
+    #[error(
+        "the solid is not star-shaped, so that it cannot be meshed in shells, and there is neither TetGen nor Gmsh to mesh it: \
+         install one (Debian: apt-get install tetgen), or say where it is with QCBALL_TETGEN=/path/to/tetgen or \
+         QCBALL_GMSH=/path/to/gmsh in the environment; or give a tetrahedral mesh made elsewhere as domain.file"
+    )]
+    NoMesher,
+    /// The boundary has no map onto the sphere.
+    #[error(transparent)]
+    Sphere(#[from] SphereError),
     /// The tets are no mesh.
     #[error("{0} (tets and vertices are counted from 0)")]
     Mesh(#[from] MeshError),

@@ -16,7 +16,7 @@ use crate::domain::Domain;
 use crate::map::Corners;
 use crate::measure::Measured;
 use crate::mesh::{TetId, Unit, Vec3};
-use crate::optimize::{Outcome, StopReason, TraceRow, Untangled, untangle_and_optimize};
+use crate::optimize::{Outcome, StopReason, Tangled, TraceRow, Untangled};
 use crate::report::{MapRecord, Report, Times, UntanglingFigures, trace_hash};
 
 pub use error::{Fault, RunError};
@@ -104,7 +104,8 @@ fn stages(plan: &Plan, observe: &mut dyn FnMut(&TraceRow)) -> Result<Finished, R
         Err(_) if cancel.is_raised() => return Err(RunError::Interrupted),
         start => start?,
     };
-    let (untangled, outcome) = optimized(&mut start, plan, observe).map_err(RunError::at(&start.origin.clone()))?;
+    let (untangled, refinement_splits, outcome) =
+        optimized(&mut start, plan, observe).map_err(RunError::at(&start.origin.clone()))?;
     let domain = &start.domain;
     // With the exponents arrived at, where corners have any.
     let measured_initial = start.measure(&start.image);
@@ -114,8 +115,9 @@ fn stages(plan: &Plan, observe: &mut dyn FnMut(&TraceRow)) -> Result<Finished, R
     let bounds = bounds(&start, &outcome.positions, certificate.as_ref(), cancel);
     let files = format!("{} and the files it names", plan.source.path().display());
     confront(&bounds, domain, &outcome.positions, &measured.summary, &files)?;
+    let flipped = measured_initial.summary.flipped;
     let course = Course {
-        untangling: UntanglingFigures::of(domain, measured_initial.summary.flipped, &untangled),
+        untangling: UntanglingFigures::of(domain, flipped, &untangled, refinement_splits),
         stop: interrupted(cancel).unwrap_or(outcome.stop),
         kkt: outcome.kkt,
         iterations: outcome.trace.len().saturating_sub(1),
@@ -136,19 +138,30 @@ fn stages(plan: &Plan, observe: &mut dyn FnMut(&TraceRow)) -> Result<Finished, R
     Ok(Finished { report, domain, corners, initial, outcome, measured_initial, measured, active, certificate, units })
 }
 
-/// Optimizes the images of the vertices, and the exponents of corners if the plan leaves them open.
+/// Untangles and optimizes the images of the vertices, and the exponents of corners if the plan leaves them open. The start is on the
+/// refined domain afterwards, where edges had to be halved; their number is the second that is returned.
 fn optimized(
     start: &mut Start,
     plan: &Plan,
     observe: &mut dyn FnMut(&TraceRow),
-) -> Result<(Untangled, Outcome), Fault> {
-    let (domain, image, settings) = (&start.domain, &start.image, &plan.optimize);
+) -> Result<(Untangled, usize, Outcome), Fault> {
+    let settings = &plan.optimize;
     let Some(corners) = start.corners.take() else {
-        return Ok(untangle_and_optimize(domain, image, domain.boundary().vertex_mask(), settings, observe)?);
+        let tangled = Tangled {
+            domain: start.domain.clone(),
+            start: start.image.clone(),
+            second: start.second.clone(),
+            fixed: None,
+            may_refine: !plan.keep_mesh,
+        };
+        let (freed, outcome) = tangled.free_and_optimize(settings, observe)?;
+        start.take_freed(&freed);
+        return Ok((freed.untangled, freed.refinement_splits, outcome));
     };
-    let (untangled, outcome, corners) = optimize_corners(domain, image, corners, plan.corners, settings, observe)?;
+    let (untangled, outcome, corners) =
+        optimize_corners(&start.domain, &start.image, corners, plan.corners, settings, observe)?;
     start.corners = Some(corners);
-    Ok((untangled, outcome))
+    Ok((untangled, 0, outcome))
 }
 
 /// The stop reason of a run that was interrupted at any stage: what was to follow is not whole.

@@ -11,7 +11,7 @@ use crate::domain::Domain;
 use crate::measure::measure_onto_ball;
 use crate::mesh::io::{ReadError, read_tets};
 use crate::mesh::{TetMesh, TetSoup, Unit, Vec3, full_boundary};
-use crate::optimize::{OptimizeSettings, TraceRow, untangle_and_optimize};
+use crate::optimize::{Freed, OptimizeSettings, Tangled, TraceRow};
 use crate::report::{BallFigures, MapReport, Splits, Times, UntanglingFigures};
 
 /// A map given by two files: a mesh and the same mesh with moved vertices.
@@ -149,17 +149,18 @@ pub fn optimize_map(
     let GivenMap { mut domain, mut image, units: [unit, of_image], .. } = map;
     let mut splits = None;
     if fixed.is_none() && !keep_mesh {
-        let full = full_boundary(domain.mesh(), domain.boundary())?;
-        if !full.parents.is_empty() {
-            let (edges, faces, tets_before) = (full.edge_splits, full.face_splits, domain.mesh().tets().len());
-            splits = Some(Splits { edges, faces, tets_before });
+        let full = full_boundary(domain.mesh(), domain.boundary());
+        if !full.parents().is_empty() {
+            splits = Some(Splits::of(&full, domain.mesh().tets().len()));
             image = full.extend(image);
-            domain = Domain::any_topology(full.mesh)?;
+            domain = Domain::any_topology(full.mesh()?)?;
         }
     }
+    let tangled = Tangled { domain, start: image, second: None, fixed: fixed.as_deref(), may_refine: !keep_mesh };
+    let (freed, outcome) = tangled.free_and_optimize(settings, observe)?;
+    let Freed { domain, start, untangled, refinement_splits, .. } = freed;
     let fixed = fixed.unwrap_or_else(|| domain.boundary().vertex_mask().to_vec());
-    let before = measure_onto_ball(&domain, &image);
-    let (untangled, outcome) = untangle_and_optimize(&domain, &image, &fixed, settings, observe)?;
+    let before = measure_onto_ball(&domain, &start);
     let after = measure_onto_ball(&domain, &outcome.positions);
     let boundary_is_fixed = domain.boundary().vertex_mask().iter().zip(&fixed).all(|(&on, &fixed)| fixed || !on);
     let mut bounds = if boundary_is_fixed {
@@ -170,7 +171,7 @@ pub fn optimize_map(
     confront(&bounds, &domain, &outcome.positions, &after.summary, "the files of the domain and of its image")?;
     bounds.iter_mut().for_each(|bound| bound.place = bound.place.take().map(|place| unit.give_back_place(place)));
     let course = Course {
-        untangling: UntanglingFigures::of(&domain, before.summary.flipped, &untangled),
+        untangling: UntanglingFigures::of(&domain, before.summary.flipped, &untangled, refinement_splits),
         stop: interrupted(&settings.cancel).unwrap_or(outcome.stop),
         kkt: outcome.kkt,
         iterations: outcome.trace.len().saturating_sub(1),

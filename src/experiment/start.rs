@@ -4,16 +4,19 @@ use std::path::Path;
 
 use super::corners::{Flags, corners};
 use super::error::{Fault, RunError};
+use crate::cancel::Cancel;
 use crate::config::{DomainSource, InitialMap, MeshPlan, Plan};
 use crate::domain::Domain;
-use crate::map::{AnalyticMap, Corners, RadialCoordinates, RayEnd, caraman};
+use crate::map::{AnalyticMap, Corners, RadialCoordinates, RayEnd, caraman, spherical_starts};
 use crate::measure::{Measured, measure_elements, measure_onto_ball};
 use crate::mesh::io::{ReadError, SolidFile, read_solid, read_surface};
 use crate::mesh::{Orientation, PolygonSoup, TetMesh, TetSoup, Unit, Vec3, full_boundary, orientation};
+use crate::optimize::Freed;
 use crate::report::{MapFigures, RefinementFigures, Splits};
 use crate::solid::{
-    ExternalSettings, Refinement, StarCentre, Surface, best_radial_exponent, check_filled, external_mesh, flag_mesh,
-    inscribed_stretch, radial_max_dilatation, shell_mesh, star_centre,
+    CentreError, ExternalError, ExternalMesher, ExternalSettings, KernelError, Refinement, ShellSettings, StarCentre,
+    Surface, best_radial_exponent, check_filled, external_mesh, flag_mesh, inscribed_stretch, radial_max_dilatation,
+    shell_mesh, star_centre,
 };
 
 /// A domain and a map of it.
@@ -30,6 +33,8 @@ pub(crate) struct Start {
     pub centre: Option<StarCentre>,
     /// Image positions.
     pub image: Vec<Vec3>,
+    /// Others with the same boundary, to begin again with where tets resist; spherical starts only.
+    pub second: Option<Vec<Vec3>>,
     pub map: MapFigures,
     /// How the surface was refined, if that was left to the program.
     pub refinement: Option<RefinementFigures>,
@@ -43,6 +48,10 @@ pub(crate) struct Start {
 }
 
 impl Start {
+    const FIRST: &str = "spherical, hyperbolic harmonic inside";
+    /// The map of the second positions, in words.
+    const SECOND: &str = "spherical, harmonic inside";
+
     pub fn of(plan: &Plan) -> Result<Self, RunError> {
         Self::without_corners(plan)?.with_corners(plan)
     }
@@ -140,19 +149,7 @@ impl Start {
     fn of_surface(surface: &Surface, plan: &Plan, unit: Unit) -> Result<Self, Fault> {
         let mut start = match &plan.mesh {
             MeshPlan::Shell(settings) => {
-                let centre = star_centre(surface, &plan.centre)?;
-                let shell = shell_mesh(surface, centre.position, settings)?;
-                let coordinates = RadialCoordinates::of_shell(&shell);
-                let refinement = matches!(settings.refinement, Some(Refinement::Ball(_))).then(|| RefinementFigures {
-                    triangles_before: surface.triangles().len(),
-                    largest_stretch: inscribed_stretch(&shell.surface, &centre.position),
-                });
-                let domain = Domain::new(shell.mesh)?;
-                let start = match &plan.map {
-                    InitialMap::Formula(map) => Self::of_formula(domain, map, unit)?,
-                    _ => Self::of_rays(domain, surface, Some(centre), &coordinates, plan),
-                };
-                Self { refinement, ..start }
+                Self::of_shells(surface, star_centre(surface, &plan.centre)?, settings, plan, unit)?
             }
             MeshPlan::Flag(settings) => {
                 let centre = star_centre(surface, &plan.centre)?;
@@ -166,9 +163,48 @@ impl Start {
                 plan,
                 unit,
             )?,
+            MeshPlan::Auto { shell, external, shell_keys } => match star_centre(surface, &plan.centre) {
+                Err(CentreError::Kernel(KernelError::NotStarShaped { .. }))
+                    if !matches!(plan.map, InitialMap::Radial { .. }) =>
+                {
+                    let mesh = mesh_of_any_solid(surface, external, &plan.optimize.cancel)?;
+                    let mut start = Self::of_domain(Domain::new(mesh)?, surface, plan, unit)?;
+                    start.warnings.extend((!shell_keys.is_empty()).then(|| {
+                        format!(
+                            "the solid is not star-shaped, so that it was not meshed in shells, and the keys of [mesh] that \
+                             are for shells had no effect: {}",
+                            shell_keys.join(", ")
+                        )
+                    }));
+                    start
+                }
+                centre => Self::of_shells(surface, centre?, shell, plan, unit)?,
+            },
         };
         start.warn_of(surface);
         Ok(start)
+    }
+
+    fn of_shells(
+        surface: &Surface,
+        centre: StarCentre,
+        settings: &ShellSettings,
+        plan: &Plan,
+        unit: Unit,
+    ) -> Result<Self, Fault> {
+        let shell = shell_mesh(surface, centre.position, settings)?;
+        let coordinates = RadialCoordinates::of_shell(&shell);
+        let refinement = matches!(settings.refinement, Some(Refinement::Ball(_))).then(|| RefinementFigures {
+            triangles_before: surface.triangles().len(),
+            largest_stretch: inscribed_stretch(&shell.surface, &centre.position),
+        });
+        let domain = Domain::new(shell.mesh)?;
+        let start = match &plan.map {
+            InitialMap::Formula(map) => Self::of_formula(domain, map, unit)?,
+            InitialMap::Spherical => Self::of_sphere(domain)?,
+            _ => Self::of_rays(domain, surface, Some(centre), &coordinates, plan),
+        };
+        Ok(Self { refinement, ..start })
     }
 
     fn of_mesh(soup: TetSoup, plan: &Plan, unit: Unit) -> Result<Self, Fault> {
@@ -194,10 +230,18 @@ impl Start {
             (InitialMap::Formula(map), _) => return Ok(Self { splits, ..Self::of_formula(domain, map, unit)? }),
             // The plan allows "farthest" only with a rule that names a point for any solid.
             (InitialMap::Farthest { .. }, Some(point)) => (point, None, RayEnd::Farthest),
-            _ => {
-                let centre = star_centre(surface, &plan.centre)?;
-                (centre.position, Some(centre), RayEnd::Only)
-            }
+            (InitialMap::Spherical, _) => return Ok(Self { splits, ..Self::of_sphere(domain)? }),
+            (map, _) => match star_centre(surface, &plan.centre) {
+                Err(CentreError::Kernel(KernelError::NotStarShaped { .. }))
+                    if matches!(map, InitialMap::Auto { .. }) =>
+                {
+                    return Ok(Self { splits, ..Self::of_sphere(domain)? });
+                }
+                centre => {
+                    let centre = centre?;
+                    (centre.position, Some(centre), RayEnd::Only)
+                }
+            },
         };
         let coordinates = RadialCoordinates::of_domain(&domain, surface, position, end)?;
         let mut start = Self { splits, ..Self::of_rays(domain, surface, centre, &coordinates, plan) };
@@ -222,8 +266,8 @@ impl Start {
         let position = centre.map(|centre| centre.position);
         let (kind, given) = match &plan.map {
             InitialMap::Farthest { exponent } => ("farthest", Some(*exponent)),
-            InitialMap::Radial { exponent } => ("radial", *exponent),
-            InitialMap::Formula(_) => ("radial", None),
+            InitialMap::Auto { exponent } | InitialMap::Radial { exponent } => ("radial", *exponent),
+            InitialMap::Spherical | InitialMap::Formula(_) => ("radial", None),
         };
         let best = || position.map(|position| best_radial_exponent(surface, &position));
         let exponent = given.or_else(best).unwrap_or(1.0);
@@ -232,15 +276,34 @@ impl Start {
             radial_exponent: Some(exponent),
             radial_smooth_k: position.map(|position| radial_max_dilatation(surface, &position, exponent)),
             closed_form_k: None,
+            boundary_map: None,
         };
-        let image = caraman(coordinates, exponent);
+        Self { centre, ..Self::with(domain, caraman(coordinates, exponent), map) }
+    }
+
+    /// The boundary onto the sphere by progressive embedding, the inside in balance between its neighbours.
+    fn of_sphere(domain: Domain) -> Result<Self, Fault> {
+        let starts = spherical_starts(&domain)?;
+        let map = MapFigures {
+            map: Self::FIRST.into(),
+            radial_exponent: None,
+            radial_smooth_k: None,
+            closed_form_k: None,
+            boundary_map: Some(starts.distortion),
+        };
+        Ok(Self { second: Some(starts.harmonic), ..Self::with(domain, starts.hyperbolic, map) })
+    }
+
+    /// A map of a domain, in units of 1 and with nothing to say of where it is from.
+    fn with(domain: Domain, image: Vec<Vec3>, map: MapFigures) -> Self {
         Self {
             origin: String::new(),
             input_hash: None,
             units: [Unit::default(); 2],
             domain,
-            centre,
+            centre: None,
             image,
+            second: None,
             map,
             refinement: None,
             splits: None,
@@ -248,6 +311,25 @@ impl Start {
             corners: None,
             warnings: Vec::new(),
         }
+    }
+
+    /// Takes over what untangling did, which may have refined the domain and gone back to the second positions.
+    pub fn take_freed(&mut self, freed: &Freed) {
+        self.domain = freed.domain.clone();
+        self.image.clone_from(&freed.start);
+        if freed.is_second {
+            self.map.map = Self::SECOND.into();
+        }
+    }
+
+    /// The same from the second positions, if that is what the words for the map say.
+    pub fn told_by(mut self, map: &str) -> Self {
+        if map == Self::SECOND
+            && let Some(second) = self.second.take()
+        {
+            (self.image, self.map.map) = (second, map.into());
+        }
+        self
     }
 
     /// A map in closed form, of the vertices as they were given.
@@ -272,14 +354,26 @@ impl Start {
             radial_exponent: None,
             radial_smooth_k: None,
             closed_form_k: formula.max_dilatation().map(|dilatation| dilatation.k()).filter(|k| k.is_finite()),
+            boundary_map: None,
         };
         // Where nothing is out of range, as it is: the closed form may be of a map onto the unit ball.
         let unit =
             Unit::of_extreme(image.iter().zip(domain.boundary().vertex_mask()).filter(|(_, on)| **on).map(|(p, _)| p));
-        let (image, units) = (unit.take_points(&image), [Unit::default(), unit]);
-        let (origin, input_hash, centre, refinement) = (String::new(), None, None, None);
-        let (splits, flags, corners, warnings) = (None, None, None, Vec::new());
-        Ok(Self { origin, input_hash, domain, units, centre, image, map, refinement, splits, flags, corners, warnings })
+        let image = unit.take_points(&image);
+        Ok(Self { units: [Unit::default(), unit], ..Self::with(domain, image, map) })
+    }
+}
+
+/// Fills a solid that is not star-shaped: TetGen does where it is installed, else Gmsh.
+fn mesh_of_any_solid(surface: &Surface, settings: &ExternalSettings, cancel: &Cancel) -> Result<TetMesh, Fault> {
+    let gmsh =
+        || external_mesh(surface, &ExternalSettings { mesher: ExternalMesher::Gmsh, ..settings.clone() }, cancel);
+    match external_mesh(surface, settings, cancel) {
+        Err(ExternalError::Missing { .. }) => match gmsh() {
+            Err(ExternalError::Missing { .. }) => Err(Fault::NoMesher),
+            mesh => Ok(mesh?),
+        },
+        mesh => Ok(mesh?),
     }
 }
 
@@ -319,10 +413,10 @@ fn freed(domain: Domain, keep_mesh: bool) -> Result<(Domain, Option<Splits>), Fa
     if keep_mesh {
         return Ok((domain, None));
     }
-    let full = full_boundary(domain.mesh(), domain.boundary())?;
-    if full.parents.is_empty() {
+    let full = full_boundary(domain.mesh(), domain.boundary());
+    if full.parents().is_empty() {
         return Ok((domain, None));
     }
-    let splits = Splits { edges: full.edge_splits, faces: full.face_splits, tets_before: domain.mesh().tets().len() };
-    Ok((Domain::new(full.mesh)?, Some(splits)))
+    let splits = Splits::of(&full, domain.mesh().tets().len());
+    Ok((Domain::new(full.mesh()?)?, Some(splits)))
 }

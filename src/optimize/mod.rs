@@ -30,7 +30,7 @@ use crate::objective::{Assembly, Iterate, Unknowns};
 pub use engine::{Engine, MOST_TETS_CONSERVATIVE, MOST_TETS_QUADRATIC};
 use minimax::Ending;
 use recorder::{PhaseEnd, Progress, Recorder};
-pub use untangle::{Untangled, flipped_tets, untangle};
+pub use untangle::{Freed, Refined, Tangled, Untangled, flipped_tets, refine_and_untangle, untangle, untangle_locally};
 
 /// Exponents of the continuation, each phase started from the last. Steps of about three: with larger ones the next
 /// phase starts far from its minimum and ends in a worse local one.

@@ -1,5 +1,13 @@
 //! From a map with flipped tets to one without: the regularised energy of Garanzha et al. 2021 with their schedule.
 
+mod freed;
+mod local;
+mod refine;
+
+pub use freed::{Freed, Tangled};
+pub use local::untangle_locally;
+pub use refine::{Refined, refine_and_untangle};
+
 use std::collections::HashSet;
 use std::time::Instant;
 

@@ -8,9 +8,10 @@ use crate::domain::Domain;
 use crate::map::Corners;
 use crate::map::corner::solid_angles;
 use crate::measure::{Summary, ball_fraction};
-use crate::mesh::{TetId, Unit, Vec3, VertexId, smallest_dihedral_angle};
+use crate::mesh::{Subdivision, TetId, Unit, Vec3, VertexId, smallest_dihedral_angle};
 use crate::optimize::Untangled;
 use crate::solid::StarCentre;
+use crate::sphere::SphereDistortion;
 
 /// The size and shape of a domain.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -115,6 +116,8 @@ pub struct MapFigures {
     /// The least upper bound of K of another map, over all points where it is defined; none where it is infinite or no
     /// formula is known. On fine meshes `initial.max_k` exceeds it by little.
     pub closed_form_k: Option<f64>,
+    /// How far the boundary's map onto the sphere is from a similarity; `null` unless it was made by progressive embedding.
+    pub boundary_map: Option<SphereDistortion>,
 }
 
 /// How the surface of a solid was refined for a shell mesh whose config left that to the program.
@@ -137,13 +140,23 @@ pub struct Splits {
     pub tets_before: usize,
 }
 
+impl Splits {
+    /// Those that made a mesh of one with so many tets.
+    pub fn of(subdivision: &Subdivision, tets_before: usize) -> Self {
+        Self { edges: subdivision.edge_splits(), faces: subdivision.face_splits(), tets_before }
+    }
+}
+
 /// How a start with flipped tets was untangled.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct UntanglingFigures {
     /// Flipped tets of the start.
     pub flipped_before: usize,
-    /// Newton steps.
+    /// Newton steps of all vertices together, or sweeps of one step a vertex.
     pub iterations: usize,
+    /// Interior edges that were halved about the last tets that resisted.
+    #[serde(default)]
+    pub refinement_splits: usize,
     /// Tets that are still flipped.
     pub resisting: Vec<TetId>,
     /// Vertices that two or more of those share, most shared first: where to refine.
@@ -152,7 +165,7 @@ pub struct UntanglingFigures {
 
 impl UntanglingFigures {
     /// The figures of an untangling from a start with that many flipped tets; `None` if there was nothing to do.
-    pub fn of(domain: &Domain, flipped_before: usize, untangled: &Untangled) -> Option<Self> {
+    pub fn of(domain: &Domain, flipped_before: usize, untangled: &Untangled, refinement_splits: usize) -> Option<Self> {
         if flipped_before == 0 {
             return None;
         }
@@ -167,6 +180,7 @@ impl UntanglingFigures {
         Some(Self {
             flipped_before,
             iterations: untangled.iterations,
+            refinement_splits,
             resisting: untangled.resisting.clone(),
             common_vertices: common.into_iter().map(|(vertex, _)| vertex).collect(),
         })

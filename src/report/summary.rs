@@ -65,7 +65,7 @@ pub fn summary(report: &Report) -> String {
     blocks.concat()
 }
 
-/// A map in closed form; the radial ones go without saying.
+/// A map in closed form, or one made from the boundary; the radial ones go without saying.
 fn map_in_words(map: &MapFigures) -> Option<String> {
     if map.radial_exponent.is_some() {
         return None;
@@ -74,7 +74,11 @@ fn map_in_words(map: &MapFigures) -> Option<String> {
         .closed_form_k
         .map(|k| format!("; its own K, before any mesh, is at most {}", upper_bound(k)))
         .unwrap_or_default();
-    Some(format!("{}{most}", map.map))
+    let stretch = map.boundary_map.map(|distortion| {
+        let (most, mean) = (number(distortion.max_stretch), number(distortion.mean_stretch));
+        format!("; on the boundary s1/s2 is at most {most}, {mean} in the mean")
+    });
+    Some(format!("{}{most}{}", map.map, stretch.unwrap_or_default()))
 }
 
 fn refinement_in_words(refinement: RefinementFigures, domain: &DomainFigures) -> String {
@@ -117,12 +121,16 @@ fn splits_in_words(splits: Splits) -> String {
 }
 
 fn untangling_in_words(untangling: &UntanglingFigures, remedy: &str) -> String {
-    let steps = format!(
+    let mut steps = format!(
         "{} flipped at the start, {} step{}",
         untangling.flipped_before,
         untangling.iterations,
         s(untangling.iterations)
     );
+    if untangling.refinement_splits > 0 {
+        let splits = untangling.refinement_splits;
+        steps += &format!(", {splits} interior edge{} halved where tets resisted", s(splits));
+    }
     if untangling.resisting.is_empty() {
         return steps;
     }

@@ -61,6 +61,7 @@ fn write(flip: bool) -> (tempfile::TempDir, Report) {
             radial_exponent: Some(1.0),
             radial_smooth_k: Some(7.2102),
             closed_form_k: None,
+            boundary_map: None,
         },
         trace_hash: "0".into(),
         warnings: vec!["this is a test".into()],

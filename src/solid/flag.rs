@@ -268,7 +268,7 @@ mod tests {
         let volume: f64 = domain.volumes().iter().sum();
         // As many terms of one sign as there are tets, rounded at 1e-16 of the solid's size cubed each.
         assert!((volume - surface.volume()).abs() < 1e-11 * surface.volume(), "{volume}");
-        assert!(full_boundary(domain.mesh(), domain.boundary()).unwrap().parents.is_empty());
+        assert!(full_boundary(domain.mesh(), domain.boundary()).parents().is_empty());
         // The tets of a flag fill the tet V O C E.
         for (flag, tets) in found.iter().zip(domain.volumes().chunks(settings.tets_a_flag())) {
             let [v, o, c, e] =

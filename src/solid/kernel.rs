@@ -38,8 +38,8 @@ pub enum KernelError {
     /// No point sees the whole surface.
     #[error(
         "the solid is not star-shaped: no point inside it sees all of these triangles from within: {faces:?} (counted \
-         from 0, with polygons cut into triangles), around {at:.4?}; cut the solid into star-shaped parts, or fill the \
-         dents that hide them from one another; map.kind = \"farthest\" takes such a solid, but its image may overlap itself"
+         from 0, with polygons cut into triangles), around {at:.4?}; fill the dents that hide them from one another, or map it \
+         by map.kind = \"spherical\", on a mesh by mesh.kind = \"tetgen\" or \"gmsh\""
     )]
     NotStarShaped {
         /// Triangles whose half-spaces have no point in common, up to eight, the most decisive first.

@@ -34,6 +34,7 @@ fn tets(plan: &Plan) -> Option<f64> {
         DomainSource::Solid(solid) => solid.surface().ok()?,
     };
     Some(match &plan.mesh {
+        MeshPlan::Auto { shell, external, .. } => shell_tets(&surface, shell).max(external_tets(&surface, external)),
         MeshPlan::Shell(settings) => shell_tets(&surface, settings),
         // Each triangle has at most six flags of its own.
         MeshPlan::Flag(settings) => 6.0 * surface.triangles().len() as f64 * settings.tets_a_flag() as f64,

@@ -40,7 +40,7 @@ fn a_case_that_panics_or_fails_is_recorded_stops_no_other_and_is_tried_again() {
     let root = tempfile::tempdir().unwrap();
     let folder = SweepFolder::new(root.path());
     let exponent = |plan: &Plan| match plan.map {
-        InitialMap::Radial { exponent } => exponent.unwrap(),
+        InitialMap::Auto { exponent } => exponent.unwrap(),
         _ => unreachable!("the sweep starts from radial maps"),
     };
     let tally = work(&sweep, &folder, &|plan, observe| {

@@ -98,7 +98,12 @@ fn figures(
         seconds: 0.0,
     };
     let course = Course {
-        untangling: UntanglingFigures::of(&files.domain, before.summary.flipped, &untangled),
+        untangling: UntanglingFigures::of(
+            &files.domain,
+            before.summary.flipped,
+            &untangled,
+            told.untangling.as_ref().map_or(0, |untangling| untangling.refinement_splits),
+        ),
         stop: told.stop,
         kkt: told.kkt,
         iterations: told.iterations,

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::Findings;
 use super::files::Files;
-use crate::config::{Config, ConfigSource, DomainSource, MeshPlan, Plan};
+use crate::config::{Config, ConfigSource, DomainSource, InitialMap, MeshPlan, Plan};
 use crate::experiment::{RunError, Start};
 use crate::map::{CornerChoice, Corners};
 use crate::mesh::Vec3;
@@ -46,8 +46,13 @@ pub(super) fn again(files: &Files, findings: &mut Findings) -> Option<Again> {
             return Some(as_told(source));
         }
     };
+    if report.achieved.untangling.as_ref().is_some_and(|untangling| untangling.refinement_splits > 0) {
+        findings
+            .trust("that the domain is the config's with edges halved where tets resisted untangling, and its start");
+        return Some(as_told(source));
+    }
     let start = match make(&plan, files, findings) {
-        Ok(start) => start,
+        Ok(start) => start.told_by(&report.map.map),
         Err(error) => {
             findings.found(format!("the config makes no start: {error}"));
             return Some(as_told(source));
@@ -113,6 +118,17 @@ fn make(plan: &Plan, files: &Files, findings: &mut Findings) -> Result<Start, Ru
             let start = Start::on(plan, settings, files.domain.clone(), files.units[0])?;
             Ok(Start { splits: files.report.achieved.splits, ..start })
         }
+        // Shells have a star centre.
+        (DomainSource::Solid(_) | DomainSource::Surface(_), MeshPlan::Auto { external, .. })
+            if files.report.domain.centre.is_none()
+                && !matches!(plan.map, InitialMap::Formula(_) | InitialMap::Spherical) =>
+        {
+            findings.trust(
+                "that TetGen or Gmsh made the tets, of which only that they fill the solid was checked, and the splits",
+            );
+            let start = Start::on(plan, external, files.domain.clone(), files.units[0])?;
+            Ok(Start { splits: files.report.achieved.splits, warnings: files.report.warnings.clone(), ..start })
+        }
         _ => Start::of(plan),
     }
 }
@@ -138,6 +154,7 @@ fn told(files: &Files) -> Start {
             smallest_angle: angle.to_radians(),
         }),
         image: files.start.clone(),
+        second: None,
         map: report.map.clone(),
         refinement: report.refinement,
         splits: report.achieved.splits,

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use super::format::ending_of;
 use super::vtk::{DataArray, Values, write_legacy, write_vtu};
-use super::{CellData, TetFormat, WriteError, gmsh, tetgen, write_medit};
-use crate::mesh::{Vec3, VertexId};
+use super::{CellData, SurfaceFormat, TetFormat, WriteError, gmsh, tetgen, write_atomically, write_medit};
+use crate::mesh::{PolygonSoup, Vec3, VertexId};
 
 const USE_TET_ENDING: &str =
     "use one of .mesh (Medit), .vtu, .vtk (legacy VTK), .msh (Gmsh 4.1), .msh2 (Gmsh 2.2), .node or .ele (TetGen)";
@@ -55,6 +55,43 @@ pub fn check_tets_can_be_written(path: &Path) -> Result<(), WriteError> {
     match TetFormat::of(path) {
         Some(TetFormat::MeditBinary | TetFormat::Pvtu) | None => Err(unknown(path)),
         Some(_) => Ok(()),
+    }
+}
+
+/// Writes a surface; the file's ending (in any case) tells the format, OFF or OBJ, which keep every bit of a position.
+///
+/// # Errors
+/// Another ending, or the system's reason; with the path.
+pub fn write_surface(path: &Path, surface: &PolygonSoup) -> Result<(), WriteError> {
+    check_surface_can_be_written(path)?;
+    let is_off = SurfaceFormat::of(path) == Some(SurfaceFormat::Off);
+    // OFF counts from 0 and begins a face with its number of vertices, OBJ counts from 1 and names what a line holds.
+    let (first, vertex) = if is_off { (0, "") } else { (1, "v ") };
+    write_atomically(path, |file| {
+        if is_off {
+            writeln!(file, "OFF\n{} {} 0", surface.points.len(), surface.polygons.len())?;
+        }
+        surface.points.iter().try_for_each(|p| writeln!(file, "{vertex}{:?} {:?} {:?}", p.x, p.y, p.z))?;
+        surface.polygons.iter().try_for_each(|polygon| {
+            let start = if is_off { polygon.len().to_string() } else { "f".into() };
+            let vertices: String = polygon.iter().map(|v| format!(" {}", v.0 + first)).collect();
+            writeln!(file, "{start}{vertices}")
+        })
+    })
+}
+
+/// Whether [`write_surface`] knows the ending of `path`.
+///
+/// # Errors
+/// The same refusal.
+pub fn check_surface_can_be_written(path: &Path) -> Result<(), WriteError> {
+    match SurfaceFormat::of(path) {
+        Some(SurfaceFormat::Off | SurfaceFormat::Obj) => Ok(()),
+        _ => Err(WriteError::refused(
+            path,
+            format!("surfaces are not written with the ending {:?}", ending_of(path)),
+            "use .off or .obj",
+        )),
     }
 }
 

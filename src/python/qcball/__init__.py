@@ -224,9 +224,9 @@ def ball_map(
     threads: int = 0,
     progress: Progress = False,
 ) -> Map:
-    """Map a star-shaped solid, given by its tets, onto the unit ball with the largest K as small as the method can make it.
+    """Map a solid, given by its tets, onto the unit ball with the largest K as small as the method can make it.
 
-    Boundary vertices go to the sphere along the rays from the star centre and stay there; all others move. Ctrl-C ends the
+    Boundary vertices go to the sphere, along the rays from the star centre if there is one, and stay there; all others move. Ctrl-C ends the
     optimization, and the best map so far is returned with stop == "cancelled". The result is the same to the bit for any number
     of threads, unless a time limit or a signal ended it.
 
@@ -247,7 +247,7 @@ def ball_map(
     Raises
     ------
     ValueError
-        what is wrong with the arrays, naming the row; a mesh that is no ball; a solid that is not star-shaped
+        what is wrong with the arrays, naming the row; a mesh that is no ball
     """
     positions = _points("points", points)
     tets = _cells("cells", cells, 4, len(positions))

@@ -162,6 +162,7 @@ fn in_short(report: &Report) -> String {
 fn start_in_words(map: &MapFigures) -> String {
     match (map.radial_exponent, map.radial_smooth_k) {
         (Some(_), Some(_)) => "onto the unit ball. From the radial map".to_string(),
+        (None, _) if map.boundary_map.is_some() => format!("onto the unit ball. From the map \"{}\"", map.map),
         (Some(_), None) => format!("onto the unit ball. From the map \"{}\"", map.map),
         // Maps in closed form go onto images of their own.
         (None, _) => format!("by the map \"{}\", whose values at the boundary were kept. From this map", map.map),
