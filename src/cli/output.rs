@@ -52,7 +52,7 @@ fn excerpt(error: &ConfigError) -> String {
     let message = error.to_string();
     let mut report = vec![Group::with_title(Level::ERROR.primary_title(&message))];
     if let ConfigError::Content { text, span: Some(span), .. } = error {
-        let lines = Snippet::source(text).annotation(AnnotationKind::Primary.span(span.clone()).label("here"));
+        let lines = Snippet::source(&**text).annotation(AnnotationKind::Primary.span(span.clone()).label("here"));
         report = vec![Level::ERROR.primary_title(&message).element(lines)];
     }
     report.push(Group::with_title(Level::HELP.secondary_title(error.help())));

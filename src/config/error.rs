@@ -26,11 +26,11 @@ pub enum ConfigError {
         /// The line, counted from 1, where one is to blame.
         line: Option<usize>,
         /// What is wrong.
-        message: String,
+        message: Box<str>,
         /// What to do.
         help: String,
         /// The text, for the excerpt.
-        text: String,
+        text: Box<str>,
         /// Where in the text, in bytes.
         span: Option<Range<usize>>,
     },
@@ -84,7 +84,7 @@ impl ConfigError {
 
     pub(super) fn content(path: &Path, text: &str, span: Option<Range<usize>>, message: String, help: String) -> Self {
         let line = span.as_ref().map(|span| 1 + text.as_bytes()[..span.start].iter().filter(|&&b| b == b'\n').count());
-        Self::Content { path: path.to_path_buf(), line, message, help, text: text.to_string(), span }
+        Self::Content { path: path.to_path_buf(), line, message: message.into(), help, text: text.into(), span }
     }
 }
 

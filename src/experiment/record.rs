@@ -94,7 +94,7 @@ fn speaks_of_warped(bound: &mut LowerBound, domain: &Domain, corners: &Corners) 
     let around =
         domain.mesh().tets().iter().zip(corners.of_tets()).filter(|(tet, _)| ends.iter().all(|v| tet.contains(v)));
     let mut cones = around.filter_map(|(_, cone)| cone.map(|cone| corners.cones()[cone as usize].corner));
-    let holds = matches!(&*bound.name, "edge-ratio" | "fan") && cones.all(radial);
+    let holds = matches!(bound.name, "edge-ratio" | "fan") && cones.all(radial);
     bound.reason = "any map of this mesh with these boundary positions, PL but for powers at the corners".into();
     holds
 }
