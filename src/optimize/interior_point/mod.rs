@@ -22,6 +22,8 @@ const FIRST_SLACK: (f64, f64) = (0.0005, 0.1);
 /// The first weight as a share of that for which the first bound is stationary: with all of it the first centres lie so far
 /// above the maximum that few constraints are near them.
 const FIRST_WEIGHT: f64 = 0.1;
+/// Largest ln K that a step may lead to, as a multiple of the first bound.
+const CEILING: f64 = 1.2;
 /// How much the mean may be expected to fall, relative: it sets the first weight where the bound is given.
 const FIRST_GAIN: f64 = 0.1;
 /// A constraint gets a multiplier where its slack is below the first share of the bound, and loses it above the second. At
@@ -102,6 +104,8 @@ struct Path {
     goal: Goal,
     problem: PrimalDual,
     tolerance: f64,
+    /// Largest ln K that a step may lead to.
+    ceiling: f64,
 }
 
 impl Path {
@@ -121,7 +125,13 @@ impl Path {
             }
         };
         let near_active = vec![[None; 2]; tets];
-        Some(Self { goal, problem: PrimalDual { bound, rest_weight, mean_weight, near_active }, tolerance })
+        let problem = PrimalDual { bound, rest_weight, mean_weight, near_active };
+        let mut path = Self { goal, problem, tolerance, ceiling: CEILING * bound };
+        // Where the bound is free, multipliers that add up to 1 with those of the rest: with a tenth of that the first step
+        // leads far away where few tets hold it back.
+        let weight = if goal == Goal::Bound { rest_weight / FIRST_WEIGHT } else { rest_weight };
+        path.select(iterate, weight);
+        Some(path)
     }
 
     fn follow(
@@ -136,7 +146,7 @@ impl Path {
         let share = recorder.progress;
         let mut first_gap = None;
         for _ in 0..MOST_STEPS {
-            self.select(iterate);
+            self.select(iterate, self.problem.rest_weight);
             let Some(rows) = self.rows(assembly, iterate) else { return PhaseEnd::NoProgress };
             let Some((system, residual)) = self.system(assembly, iterate, &rows, &mut negative) else {
                 return PhaseEnd::NoProgress;
@@ -174,7 +184,7 @@ impl Path {
     }
 
     /// Gives multipliers to the constraints that have come near the bound, and takes them from those that have left.
-    fn select(&mut self, iterate: &Iterate) {
+    fn select(&mut self, iterate: &Iterate, weight: f64) {
         let problem = &mut self.problem;
         for (tet, logs) in iterate.logs().enumerate() {
             let Some(logs) = logs else { continue };
@@ -183,8 +193,8 @@ impl Path {
                 if slack > NEAR.1 * problem.bound {
                     *entry = None;
                 } else if entry.is_none() && slack < NEAR.0 * problem.bound {
-                    // It was inside the barrier until now.
-                    *entry = Some(NearActive { slack, multiplier: problem.rest_weight / slack });
+                    // As the barrier of this weight had it until now.
+                    *entry = Some(NearActive { slack, multiplier: weight / slack });
                 }
             }
         }
@@ -262,8 +272,11 @@ impl Path {
         let affine = Target { rest_weight: 0.0, changes: rows.iter().map(|row| -row.product()).collect() };
         let affine = system.solve(assembly, image, problem, rows, &affine);
         let reached = affine.products(rows, affine.primal, affine.dual).sum::<f64>() / count;
-        let centring = (reached / present).powi(3).clamp(LEAST_CENTRING, 1.0);
-        let weight = (centring * present).min(most).max(LAST_SHARE * self.tolerance / (count + self.terms()));
+        // Without a near constraint nothing tells how far to go.
+        let centring = if rows.is_empty() { 1.0 } else { (reached / present).powi(3).clamp(LEAST_CENTRING, 1.0) };
+        // The multipliers of the rest are the weight over slacks of the bound's size.
+        let last = LAST_SHARE * self.tolerance * problem.bound.min(1.0) / (count + self.terms());
+        let weight = (centring * present).min(most).max(last);
         // The predictor aims at 0: of the way to the present weight itself its products say nothing.
         let trust = (1.0 - weight / problem.rest_weight).max(0.0).powi(2);
         let second_order = |k: usize| {
@@ -310,7 +323,9 @@ impl Path {
             let mut at_trial = self.problem.clone();
             at_trial.bound += length * step.bound;
             let image: Vec<Vec3> = assembly.moved(iterate.image(), &step.positions, length);
-            if let Some((_, trial)) = trials.evaluate(assembly, &at_trial, image) {
+            if let Some((_, trial)) = trials.evaluate(assembly, &at_trial, image)
+                && 3.0 * trial.largest_log()? <= self.ceiling
+            {
                 break (trial, at_trial.bound);
             }
             tried += 1;
