@@ -11,7 +11,7 @@ pub(in crate::bound) fn half_tangent(angle: Angle) -> Interval {
     let double_atan = |t: f64| Interval::exactly(2.0) * Interval::exactly(t).atan();
     let steps = || (0..60).map(|power| 4.0 * f64::EPSILON * 2f64.powi(power));
     let (low, high) = ((0.5 * angle.lower()).tan(), (0.5 * angle.upper()).tan());
-    let lower = steps().map(|step| low * (1.0 - step)).find(|&t| t >= 0.0 && double_atan(t).upper <= angle.lower());
+    let lower = steps().map(|step| low / (1.0 + step)).find(|&t| t >= 0.0 && double_atan(t).upper <= angle.lower());
     let upper = steps().map(|step| high * (1.0 + step)).find(|&t| t >= 0.0 && double_atan(t).lower >= angle.upper());
     Interval { lower: lower.unwrap_or(0.0), upper: upper.unwrap_or(f64::INFINITY) }
 }
