@@ -30,9 +30,9 @@ fn a_surface_is_written_on_the_sphere_with_its_own_triangles() {
     let folder = tempfile::tempdir().unwrap();
     let solid = Solid::PolyhedralStar { seed: 3, amplitude: 0.5, resolution: 3 };
     write(&folder.path().join("in.off"), &solid.surface().unwrap());
-    let (code, out, err) = qcball(folder.path(), &["sphere", "in.off", "out.obj", "--json"]);
+    let (code, out, err) = qcball(folder.path(), &["sphere", "in.off", "sphere.off", "--json"]);
     assert_eq!((code, err.as_str()), (0, ""), "{out}");
-    let [before, after] = ["in.off", "out.obj"].map(|name| read_surface(&folder.path().join(name)).unwrap());
+    let [before, after] = ["in.off", "sphere.off"].map(|name| read_surface(&folder.path().join(name)).unwrap());
     assert_eq!(before.polygons, after.polygons);
     assert!(after.points.iter().all(|p| (p.norm() - 1.0).abs() < 1e-15));
     // The printed figures are those of the two files.

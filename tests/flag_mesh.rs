@@ -41,7 +41,7 @@ fn settings_without_sense_are_refused_by_line_and_key() {
         ("kind = \"flag\"\nsectors = 0", "a.toml:5: `mesh.sectors` is 0"),
         ("kind = \"flag\"\nrings = 1001", "a.toml:5: `mesh.rings` is 1001"),
         ("kind = \"flag\"\nsubdivisions = 2", "a.toml:5: `subdivisions` is no key of the mesher flag"),
-        ("sectors = 2", "`sectors` is no key of the mesher shell"),
+        ("sectors = 2", "`sectors` is no key of the mesher auto"),
         ("kind = \"flag\"\nsectors = 1000\nrings = 1000\nlayers = 1000", "ask for fewer sectors, rings or layers"),
         ("kind = \"flag\"\n[map]\nkind = \"farthest\"", "cannot start from a shell or flag mesh"),
     ] {

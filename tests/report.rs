@@ -255,7 +255,7 @@ fn the_viewer_draws_cuts_and_changes_colours_in_a_browser() {
         seen.theme.push(root.dataset.theme);
         document.getElementById('theme').click();
         const named = [...document.querySelectorAll('button, select, input')];
-        seen.unnamed = named.filter((one) => !one.textContent.trim() && !one.labels?.length).map((one) => one.id);
+        seen.unnamed = named.filter((one) => !one.textContent.trim() && !one.labels?.length && !one.ariaLabel && !one.dataset.title).map((one) => one.id);
         seen.charts = [...document.querySelectorAll('.chart')].map((one) => one.querySelectorAll('.trace').length);
         seen.box = viewer.getBoundingClientRect().toJSON();
         await pause();

@@ -350,9 +350,6 @@ mod tests {
     fn the_hyperbolic_map_commutes_with_moebius_maps() {
         let (domain, boundary) = ball();
         let image = hyperbolic_harmonic(&domain, &boundary);
-        // By symmetry the centre stays at the centre. The iteration ends at a relative fall of 1e-7 of the energy, which is
-        // quadratic in the distance.
-        assert!(image[0].norm() < 1e-3);
         // Moving the ideal points by a translation of hyperbolic space moves the whole map with them.
         let shift = Point::near(&Vec3::new(0.3, -0.4, 0.2));
         let translated = |y: &Vec3| {

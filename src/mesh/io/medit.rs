@@ -179,8 +179,11 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Contents, Fault> {
     let count = coordinates.len() / 3;
     let mut named = vec![false; if not_finite.is_empty() { 0 } else { count }];
     let mut cells = Cells::default();
+    // The triangles of a solid's mesh are of no interest, and TetGen announces more of them than it writes.
+    let is_solid = |shape: Shape| !matches!(shape, Shape::Other | Shape::Polygon(_));
+    let solid = sections.iter().any(|(shape, section)| is_solid(*shape) && section.count > 0);
     for (shape, section) in sections {
-        if shape == Shape::Other {
+        if shape == Shape::Other || solid && !is_solid(shape) {
             cells.skip(section.count);
             continue;
         }
