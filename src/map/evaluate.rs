@@ -66,8 +66,8 @@ pub struct Located {
 /// let map = Evaluator::new(&domain, &image, Onto::Ball)?;
 /// let x = Vec3::new(0.3, -0.2, 0.1);
 /// let y = map.at(&x).expect("x lies in the cube").position;
-/// // Onto the ball the radial map keeps directions, and the layer at half of the ray stays there.
-/// assert!((y - x.normalize() * 0.3).norm() < 1e-14);
+/// // The radial map keeps the share of the ray, here 0.3 of the way from the centre to the surface.
+/// assert!((y.norm() - 0.3).abs() < 1e-14);
 /// let back = map.inverse(&y).expect("y lies in the ball").position;
 /// assert!((back - x).norm() < 1e-14);
 /// assert_eq!(map.at(&Vec3::new(1.5, 0.0, 0.0)), None);

@@ -212,8 +212,8 @@ fn trace(files: &Files, before: &Measured, findings: &mut Findings) {
     let passed =
         rows.iter().any(|row| close(row.max_k, last.max_k, SAME_ROW) && close(row.mean_k, last.mean_k, SAME_ROW));
     findings.expect(rows.is_empty() || passed, || "no row of trace.csv has final.max_k and final.mean_k".into());
-    // The polish may give back 2e-4 of what was gained.
-    findings.expect(last.max_k <= first.max_k * (1.0 + 3e-4), || {
+    // The polish may give back 2e-4 of what was gained. A soft maximum, which has no residual, may fall while max K rises.
+    findings.expect(report.achieved.kkt.is_none() || last.max_k <= first.max_k * (1.0 + 3e-4), || {
         format!("final.max_k {} is above initial.max_k {}", last.max_k, first.max_k)
     });
     let stationary = report.achieved.kkt.is_some_and(|kkt| kkt.largest() <= OPTIMAL);
