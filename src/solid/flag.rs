@@ -123,10 +123,6 @@ fn check(settings: &FlagSettings) -> Result<(), FlagError> {
 /// The points of all triangles O C E, each named once.
 struct Bases {
     points: Vec<Vec3>,
-    /// The place of each point in the order of rings from the edges and of sectors from C to O, and the points in it. The diagonals
-    /// of layers follow this order; in another one the largest K of the radial map was up to 1.7 times as large.
-    ranks: Vec<u32>,
-    by_rank: Vec<u32>,
     sectors: u32,
     rings: u32,
     /// The number of faces; of edges.
@@ -141,7 +137,6 @@ impl Bases {
         let middles: Vec<Vec3> =
             faces.edges.iter().map(|ends| (faces.points[ends[0]] + faces.points[ends[1]]) * 0.5).collect();
         let mut points = vec![centre];
-        let mut places = vec![(rings, n)];
         // The ends of the sectors, on the line from C to O. The angles at the edges of a face are divided evenly, as far as
         // one division of the line can do that for all of them: in the mean.
         let mut ends = Vec::with_capacity(faces.loops.len() * n as usize);
@@ -153,27 +148,19 @@ impl Bases {
             }
         }
         points.extend_from_slice(&ends);
-        places.extend((0..faces.loops.len()).flat_map(|_| (0..n).map(|sector| (rings, sector))));
         for middle in &middles {
             points.push(*middle);
             points.extend(fractions[..rings as usize - 1].iter().map(|r| middle + (centre - middle) * *r));
-            places.extend((0..rings).map(|ring| (ring, n)));
         }
         for (face, sides) in faces.sides.iter().enumerate() {
             for &edge in sides {
                 for sector in 0..n as usize {
                     let along = ends[face * n as usize + sector] - middles[edge];
                     points.extend(fractions[..rings as usize - 1].iter().map(|r| middles[edge] + along * *r));
-                    places.extend((1..rings).map(|ring| (ring, sector as u32)));
                 }
             }
         }
-        let mut by_rank: Vec<u32> = (0..points.len() as u32).collect();
-        by_rank.sort_by_key(|&point| (places[point as usize], point));
-        let mut ranks = vec![0; points.len()];
-        (0..).zip(&by_rank).for_each(|(rank, &point)| ranks[point as usize] = rank);
-        let (faces, edges) = (faces.loops.len() as u32, faces.edges.len() as u32);
-        Self { points, ranks, by_rank, sectors: n, rings, faces, edges }
+        Self { points, sectors: n, rings, faces: faces.loops.len() as u32, edges: faces.edges.len() as u32 }
     }
 
     /// The point of a face's triangle at an edge: `ring` 0 is E, the last one is the line from C to O; sector 0 runs to C,
@@ -236,7 +223,7 @@ fn cones(faces: &Faces, bases: Bases, settings: &FlagSettings) -> Result<FlagMes
                 let apex = VertexId(base + corner as u32);
                 flags.push(Flag { corner: apex, base: flag_base.map(VertexId) });
                 for triangle in &triangles {
-                    let [a, b, c] = triangle.map(|point| bases.ranks[point as usize]);
+                    let [a, b, c] = *triangle;
                     for &point in triangle {
                         inner[corner].entry(point).or_insert_with(|| {
                             let start = points.len() as u32;
@@ -245,8 +232,7 @@ fn cones(faces: &Faces, bases: Bases, settings: &FlagSettings) -> Result<FlagMes
                             start
                         });
                     }
-                    let vertex = |layer: usize, rank: u32| {
-                        let point = bases.by_rank[rank as usize];
+                    let vertex = |layer: usize, point: u32| {
                         VertexId(if layer + 1 == layers { point } else { inner[corner][&point] + layer as u32 })
                     };
                     cone_tets(&mut tets, apex, if turned { [a, c, b] } else { [a, b, c] }, layers, vertex);
@@ -325,25 +311,6 @@ mod tests {
                 // 0.63 (tetrahedron) to 2.5 (dodecahedron): long prisms along the edges.
                 assert!(settings != FlagSettings::default() || angle > 0.6, "{flags} flags: {angle} degrees");
             }
-        }
-    }
-
-    #[test]
-    fn the_radial_map_is_not_much_worse_on_fine_flags_than_it_is() {
-        use crate::map::{RadialCoordinates, RayEnd, caraman};
-        use crate::measure::measure;
-        let surface = Solid::Cube.surface().unwrap();
-        for settings in [
-            FlagSettings::default(),
-            FlagSettings { sectors: 2, rings: 3, layers: 2, grading: 1.3 },
-            FlagSettings { sectors: 3, rings: 3, layers: 3, grading: 1.3 },
-        ] {
-            let domain = Domain::new(mesh(&surface, &settings).mesh).unwrap();
-            let rays = RadialCoordinates::of_domain(&domain, &surface, Vec3::zeros(), RayEnd::Only).unwrap();
-            let k = measure(&domain, &caraman(&rays, 1.0)).summary.max_k;
-            // ((sqrt 2 + sqrt 6) / 2)^3 = 7.21 of the smooth radial map (bounds.md, table C): 7.19, 7.22 and 6.73 are computed by
-            // another program, 11 to 14 with diagonals that follow no order.
-            assert!(k < 7.5, "{settings:?}: {k}");
         }
     }
 
