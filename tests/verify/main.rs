@@ -247,7 +247,6 @@ fn honest_runs_of_every_kind_are_verified() {
         &["optimize.max_iterations=0"],
         &["optimize.time_limit=1e-9"],
         &["map.exponent=optimize", "mesh.grading=2"],
-        &["mesh.kind=flag", "domain.centre=centroid"],
         &["domain.solid=ellipsoid", "domain.radii=[10, 1, 0.5]", "domain.resolution=2"],
     ] {
         let (code, text) = qcball(&["verify"], results(overrides).path());
