@@ -84,8 +84,8 @@ pub enum CornerError {
     },
     /// A tet with two corners.
     #[error(
-        "tet {tet} has two corners, vertices {corners:?}: split the edge between them, which a run does unless `keep_mesh` is set, or \
-         leave one of them linear"
+        "tet {tet} has two corners, vertices {corners:?}: mesh the solid with a vertex on the edge between them (mesh.kind = \
+         \"flag\" does), or leave corners = \"linear\""
     )]
     TwoCorners {
         /// The tet.
