@@ -23,8 +23,18 @@ fi
 dir=$(mktemp -d /tmp/qcball-slurm-XXXXXX)
 munge_pid=
 stop() {
+    local daemon pid waited
     for daemon in slurmd slurmctld; do
-        if [ -s "$dir/$daemon.pid" ]; then kill "$(cat "$dir/$daemon.pid")" 2>/dev/null || true; fi
+        if [ -s "$dir/$daemon.pid" ]; then
+            pid=$(cat "$dir/$daemon.pid")
+            kill "$pid" 2>/dev/null || true
+            # It saves its state into the folder as it ends.
+            for waited in $(seq 100); do
+                kill -0 "$pid" 2>/dev/null || break
+                [ "$waited" -lt 100 ] || kill -KILL "$pid" 2>/dev/null || true
+                sleep 0.1
+            done
+        fi
     done
     if [ -n "$munge_pid" ]; then kill "$munge_pid" 2>/dev/null || true; fi
     if [ "${kept:-}" ]; then echo "kept: $dir"; else rm -rf "$dir"; fi
