@@ -12,7 +12,7 @@ use crate::domain::Domain;
 use crate::map::{RadialCoordinates, RayEnd, RayError, bijectivity, caraman, spherical_starts};
 use crate::measure::{Summary, measure as measure_domain};
 use crate::mesh::{MeshError, TetMesh, TopologyError, Unit, Vec3, VertexId, full_boundary};
-use crate::optimize::{OptimizeError, OptimizeSettings, StopReason, Tangled, TraceRow};
+use crate::optimize::{BoundaryValues, OptimizeError, OptimizeSettings, StopReason, Tangled, TraceRow};
 use crate::solid::{CentreChoice, CentreError, KernelError, Surface, SurfaceError, star_centre};
 use crate::sphere::SphereError;
 
@@ -201,7 +201,9 @@ pub fn ball_map_observed(
     };
     let tangled = Tangled { domain, start, second, fixed: None, may_refine: true };
     let mut map = improved(tangled, [unit, Unit::default()], &settings.optimize, observe)?;
-    map.bound(centre, settings.certify);
+    // Where the boundary slid, its values are the radial ones no more.
+    let radial = settings.optimize.boundary_values == BoundaryValues::Fixed;
+    map.bound(centre.filter(|_| radial), settings.certify);
     Ok(map.arrays())
 }
 

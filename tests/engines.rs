@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use qcball::map::{RadialCoordinates, caraman};
-use qcball::optimize::{Engine, Objective, OptimizeSettings, Outcome, Polish, StopReason};
+use qcball::optimize::{BoundaryValues, Engine, Objective, OptimizeSettings, Outcome, Polish, StopReason};
 use qcball::solid::{ShellSettings, Solid, shell_mesh};
 use qcball::{Domain, Vec3, measure, optimize};
 
@@ -181,4 +181,44 @@ fn lexicographic_levels_lower_what_lies_below_the_largest() {
     }
     // Where symmetry makes all large values one, there is nothing to lower; elsewhere there is.
     assert!(!lowered.is_empty());
+}
+
+#[test]
+fn sliding_boundaries_stay_on_the_sphere_and_reach_less() {
+    let mut lower = 0;
+    for problem in problems() {
+        let mask = problem.domain.boundary().vertex_mask();
+        let solve =
+            |settings: &OptimizeSettings| optimize(&problem.domain, &problem.start, mask, settings, &mut |_| {});
+        let fixed = solve(&OptimizeSettings::default()).unwrap();
+        let settings = OptimizeSettings { boundary_values: BoundaryValues::Sliding, ..OptimizeSettings::default() };
+        let sliding = solve(&settings).unwrap();
+        let on_boundary = |v: &usize| mask[*v];
+        for v in (0..mask.len()).filter(on_boundary) {
+            assert!((sliding.positions[v].norm() - 1.0).abs() < 1e-12, "{}: vertex {v}", problem.name);
+            assert_eq!(fixed.positions[v], problem.start[v]);
+        }
+        let [fixed, moved] =
+            [&fixed, &sliding].map(|outcome| measure(&problem.domain, &outcome.positions).summary.max_k);
+        println!("{}: max K {fixed} fixed, {moved} sliding, {:?} {:?}", problem.name, sliding.stop, sliding.kkt);
+        assert_eq!(sliding.stop, StopReason::Optimal, "{}", problem.name);
+        // Both to 1e-6 in ln K. Where symmetry holds the boundary, there is nothing to gain.
+        assert!(moved < fixed * (1.0 + 2e-6), "{}", problem.name);
+        lower += usize::from(moved < 0.99 * fixed);
+        assert!(qcball::bijectivity(&problem.domain, &sliding.positions).bijective, "{}", problem.name);
+        // Only where they are on a sphere, and by Newton only.
+        let stretched: Vec<Vec3> = problem.start.iter().map(|p| Vec3::new(p.x, p.y, 1.5 * p.z)).collect();
+        let refused = optimize(&problem.domain, &stretched, mask, &settings, &mut |_| {}).unwrap_err().to_string();
+        assert!(refused.contains("sphere about the origin"), "{refused}");
+        // Folded over itself, though on the sphere.
+        let mut folded = problem.start.clone();
+        let moved = (0..mask.len()).find(on_boundary).unwrap();
+        folded[moved] = -folded[moved];
+        assert!(optimize(&problem.domain, &folded, mask, &settings, &mut |_| {}).is_err());
+        for engine in [Engine::Lbfgs, Engine::NewtonCg, Engine::TrustRegion] {
+            let refused = solve(&OptimizeSettings { engine, ..settings.clone() }).unwrap_err().to_string();
+            assert!(refused.contains("use the engine \"newton\""), "{refused}");
+        }
+    }
+    assert!(lower > 0);
 }

@@ -14,7 +14,7 @@ use crate::cancel::Cancel;
 use crate::config::optimize_settings;
 use crate::experiment::{RunError, on_threads, optimize_map, read_locks};
 use crate::mesh::io::{CellData, check_tets_can_be_written, write_tets};
-use crate::optimize::{Engine, Objective, OptimizeSettings, Polish, StopReason};
+use crate::optimize::{BoundaryValues, Engine, Objective, OptimizeSettings, Polish, StopReason};
 use crate::report::{map_summary, to_json, write_trace};
 
 /// The map and how it is improved.
@@ -29,13 +29,16 @@ pub(crate) struct OptimizeArguments {
     /// A file of the fixed vertices, counted from 0; by default those of the boundary.
     #[arg(long, value_name = "FILE")]
     lock: Option<PathBuf>,
-    /// Take the settings from the table `optimize` of a config instead of the options below.
+    /// Take the settings from the tables `optimize` and `boundary` of a config instead of the options below.
     #[arg(
         long,
         value_name = "CONFIG.toml",
-        conflicts_with_all = ["soft_max", "engine", "no_polish", "tolerance", "max_iterations", "time_limit"],
+        conflicts_with_all = ["sliding", "soft_max", "engine", "no_polish", "tolerance", "max_iterations", "time_limit"],
     )]
     config: Option<PathBuf>,
+    /// Let the vertices of the boundary move on the sphere about the origin on which INIT must have them.
+    #[arg(long, conflicts_with = "lock")]
+    sliding: bool,
     /// Split no tet, even if all its vertices are fixed.
     #[arg(long)]
     keep_mesh: bool,
@@ -88,6 +91,7 @@ pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure>
         objective: arguments.soft_max.map_or(Objective::Max, Objective::SoftMax),
         engine: arguments.engine,
         polish: if arguments.no_polish { Polish::None } else { Polish::Mean },
+        boundary_values: if arguments.sliding { BoundaryValues::Sliding } else { BoundaryValues::Fixed },
         tolerance: arguments.tolerance,
         max_iterations: arguments.max_iterations,
         time_limit: arguments.time_limit.map(Duration::from_secs_f64),

@@ -31,7 +31,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::map::AnalyticMap;
-use crate::optimize::Engine;
+use crate::optimize::{BoundaryValues, Engine};
 
 /// A qcball config file, key by key as typed.
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
@@ -219,6 +219,9 @@ pub enum MeshKind {
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct BoundaryTable {
+    /// Whether the vertices of the boundary stay where the start has them on the sphere, "fixed" (the default), or may move on
+    /// it, "sliding", which takes the engine "newton".
+    pub values: BoundaryValues,
     /// How the map behaves at the corners of the solid. Default: "linear", piecewise linear as everywhere. A number p > 0: like r^p of
     /// the distance r, with that exponent at every corner; "power": with the exponents that make the largest K least, found by a
     /// scan, which takes several optimizations. A corner of a flag mesh has the cones of its flags for this, one of another mesh the

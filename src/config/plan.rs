@@ -263,7 +263,8 @@ pub(super) fn optimize(config: &Config) -> Result<OptimizeSettings, Fault> {
             return Err(Fault::at(&["optimize", "objective"], message, "add for example exponent = 48"));
         }
     };
-    if let Err(error) = table.engine.check(objective) {
+    let boundary_values = config.boundary.values;
+    if let Err(error) = table.engine.check(objective, boundary_values) {
         return Err(Fault::at(
             &["optimize", "engine"],
             error.to_string(),
@@ -275,6 +276,7 @@ pub(super) fn optimize(config: &Config) -> Result<OptimizeSettings, Fault> {
         objective,
         engine: table.engine,
         polish: polish(table, default.polish)?,
+        boundary_values,
         tolerance: positive(table.tolerance, default.tolerance, &["optimize", "tolerance"])?,
         max_iterations: whole(table.max_iterations, default.max_iterations as i64, 0..=1_000_000_000, &key)?,
         time_limit: table.time_limit.map(|given| duration(given, 600.0, &["optimize", "time_limit"])).transpose()?,

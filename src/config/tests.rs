@@ -54,6 +54,7 @@ fn every_key_arrives() {
         objective: Objective::SoftMax(16.0),
         engine: Engine::Lbfgs,
         polish: OptimizeSettings::default().polish,
+        boundary_values: Default::default(),
         tolerance: 1e-3,
         max_iterations: 9,
         time_limit: Some(std::time::Duration::from_millis(500)),

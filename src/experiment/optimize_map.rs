@@ -11,7 +11,7 @@ use crate::domain::Domain;
 use crate::measure::measure_onto_ball;
 use crate::mesh::io::{ReadError, read_tets};
 use crate::mesh::{TetMesh, TetSoup, Unit, Vec3, full_boundary};
-use crate::optimize::{Freed, OptimizeSettings, Tangled, TraceRow};
+use crate::optimize::{BoundaryValues, Freed, OptimizeSettings, Tangled, TraceRow};
 use crate::report::{BallFigures, MapReport, Splits, Times, UntanglingFigures};
 
 /// A map given by two files: a mesh and the same mesh with moved vertices.
@@ -177,12 +177,15 @@ pub fn optimize_map(
         iterations: outcome.trace.len().saturating_sub(1),
         times: Times::since(clock, untangled.seconds),
     };
+    // What slides is not fixed.
+    let slides = settings.boundary_values == BoundaryValues::Sliding;
+    let held = |v: usize| fixed[v] && !(slides && domain.boundary().vertex_mask()[v]);
     let ball = BallFigures::of(&domain, &outcome.positions, &bounds, &after.summary);
     let report = MapReport {
         vertices: domain.mesh().points().len(),
         tets: domain.mesh().tets().len(),
-        locked: domain.mesh().tets().iter().filter(|tet| tet.iter().all(|v| fixed[v.index()])).count(),
-        fixed: fixed.iter().filter(|&&fixed| fixed).count(),
+        locked: domain.mesh().tets().iter().filter(|tet| tet.iter().all(|v| held(v.index()))).count(),
+        fixed: (0..fixed.len()).filter(|&v| held(v)).count(),
         achieved: course.achieved(splits, (&before, &after), bounds, ball),
     };
     let positions = of_image.give_back_points(&outcome.positions);

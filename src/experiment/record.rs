@@ -67,7 +67,10 @@ pub(crate) fn bounds(
     cancel: &Cancel,
 ) -> Vec<LowerBound> {
     let (domain, centre) = (&start.domain, start.centre.map(|centre| centre.position));
-    let mut bounds = bound::all_until(domain, image, centre, centre.is_some(), cancel);
+    // Where the boundary slid, its values are the radial ones no more.
+    let on_boundary = domain.boundary().vertex_mask();
+    let stayed = (0..image.len()).all(|v| !on_boundary[v] || image[v] == start.image[v]);
+    let mut bounds = bound::all_until(domain, image, centre, centre.is_some() && stayed, cancel);
     if let Some(corners) = &start.corners {
         bounds.retain_mut(|bound| speaks_of_warped(bound, domain, corners));
     }

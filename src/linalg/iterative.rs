@@ -82,6 +82,13 @@ impl BlockConjugateGradients {
         }
     }
 
+    /// Adds to each diagonal block a multiple of the identity.
+    pub fn shift_blocks(&mut self, shifts: &[f64]) {
+        for (index, entry) in self.pattern.diagonal().enumerate() {
+            self.values[entry] += shifts[index / 3];
+        }
+    }
+
     /// The largest entry of the diagonal.
     pub fn largest_diagonal(&self) -> f64 {
         self.pattern.diagonal().map(|entry| self.values[entry]).fold(0.0, f64::max)

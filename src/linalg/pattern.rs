@@ -49,7 +49,7 @@ impl BlockPattern {
         self.size * self.size * self.rows.len()
     }
 
-    /// The index of each entry of the diagonal among the values.
+    /// The index of each entry of the diagonal among the values, block by block.
     pub(super) fn diagonal(&self) -> impl Iterator<Item = usize> + '_ {
         let size = self.size;
         (0..self.block_count()).flat_map(move |column| {

@@ -142,6 +142,13 @@ impl BlockCholesky {
         }
     }
 
+    /// Adds to each diagonal block a multiple of the identity.
+    pub fn shift_blocks(&mut self, shifts: &[f64]) {
+        for (index, entry) in self.blocks.diagonal().enumerate() {
+            self.values[entry] += shifts[index / self.size];
+        }
+    }
+
     /// The largest entry of the diagonal.
     pub fn largest_diagonal(&self) -> f64 {
         self.blocks.diagonal().map(|entry| self.values[entry]).fold(0.0, f64::max)

@@ -66,6 +66,11 @@ impl NewtonSystem {
         delegate!(self, system => system.shift_diagonal(shift));
     }
 
+    /// Adds to each diagonal block a multiple of the identity.
+    pub fn shift_blocks(&mut self, shifts: &[f64]) {
+        delegate!(self, system => system.shift_blocks(shifts));
+    }
+
     /// The largest entry of the diagonal.
     pub fn largest_diagonal(&self) -> f64 {
         delegate!(self, system => system.largest_diagonal())

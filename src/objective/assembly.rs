@@ -7,7 +7,7 @@ use super::unknowns::projection;
 use super::{Barrier, Iterate, TetEnergy, Unknowns};
 use crate::domain::Domain;
 use crate::linalg::{Method, NewtonSystem, SparseError, Svd, reverse_cuthill_mckee, svd};
-use crate::mesh::{TetId, Vec3, VertexId};
+use crate::mesh::{Orientation, TetId, Vec3, VertexId, orientation};
 
 /// Tets a parallel task works on at once; fixed, so that partial sums do not depend on the number of threads.
 pub(super) const CHUNK: usize = 1024;
@@ -141,15 +141,15 @@ impl<'d> Assembly<'d> {
         moved
     }
 
-    /// Whether no triangle of the boundary with a vertex that slides has turned its other side to the origin.
-    pub fn keeps_sides(&self, image: &[Vec3]) -> bool {
-        let slides = self.unknowns.slides();
-        let mut triangles = self.domain.boundary().triangles().iter();
-        !slides
-            || triangles.all(|t| {
-                let [a, b, c] = t.map(|v| image[v.index()]);
-                a.dot(&b.cross(&c)) > 0.0
-            })
+    /// A triangle of the boundary that does not face away from the origin, by exact predicate; none is looked for where no
+    /// vertex slides.
+    pub fn turned_triangle(&self, image: &[Vec3]) -> Option<[VertexId; 3]> {
+        let triangles = self.domain.boundary().triangles();
+        let turned = |&&[a, b, c]: &&[VertexId; 3]| {
+            let [a, b, c] = [a, b, c].map(|v| &image[v.index()]);
+            orientation([&Vec3::zeros(), a, b, c]) != Orientation::Positive
+        };
+        triangles.iter().find(turned).copied().filter(|_| self.unknowns.slides())
     }
 
     /// The energy; `None` if a tet is flipped or the energy infinite.

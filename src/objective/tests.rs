@@ -1,6 +1,6 @@
 //! Sums over tets against central differences over a range of steps.
 
-use super::{Assembly, NearActive, PrimalDual, SoftMax, TetEnergy, Unknowns, log_dilatations};
+use super::{Assembly, Freedom, NearActive, PrimalDual, SoftMax, TetEnergy, Unknowns, log_dilatations};
 use crate::domain::Domain;
 use crate::linalg::Method;
 use crate::mesh::fixtures::{cube, fan, split};
@@ -160,4 +160,38 @@ fn the_bounds_row_and_column_match_differences() {
     assert!(error < 1e-7, "{error:e}");
     let error = least_error(second, second.abs(), |h| rest(h)[0]);
     assert!(error < 1e-7, "{error:e}");
+}
+
+#[test]
+fn derivatives_of_what_slides_match_differences_along_the_sphere() {
+    let (domain, mut image, fixed) = problem();
+    let boundary = domain.boundary().vertex_mask();
+    // The corners go to the unit sphere from about 1.8, and what is inside as much nearer to the centre.
+    for (position, &on_boundary) in image.iter_mut().zip(boundary) {
+        *position = if on_boundary { position.normalize() } else { *position / 1.8 };
+    }
+    let freedom = fixed.iter().map(|&fixed| if fixed { Freedom::OnSphere } else { Freedom::Free }).collect();
+    let mut assembly = Assembly::new(&domain, &Unknowns::new(freedom), Method::Direct).unwrap();
+    assert_eq!(assembly.free().len(), image.len());
+    let iterate = assembly.at(image.clone());
+    let energy = SoftMax::new(2.0, 0.3);
+    let gradient = assembly.linearize(&energy, &iterate, 1.0).unwrap();
+    for seed in 0..4 {
+        let along = assembly.tangent(&image, direction(gradient.len(), seed));
+        let product = assembly.system().multiply(&along);
+        let at = |h: f64| {
+            let moved = assembly.moved(&image, &along, h);
+            assert!(moved.iter().zip(boundary).all(|(p, &on)| !on || (p.norm() - 1.0).abs() < 1e-14));
+            assembly.value(&energy, &assembly.at(moved)).unwrap()
+        };
+        let scale = dot(&gradient, &gradient).sqrt() * dot(&along, &along).sqrt();
+        let error = least_error(dot(&gradient, &along), scale, at);
+        assert!(error < 1e-7, "gradient, direction {seed}: {error:e}");
+        // Scaling back to the sphere is a retraction of second order: the second derivative along it is the Hessian's.
+        let h = 1e-4;
+        let second = (at(h) + at(-h) - 2.0 * at(0.0)) / (h * h);
+        let curvature = dot(&product, &along);
+        // Rounding 1e-16 / h^2 = 1e-8 of the value, truncation h^2 times a fourth derivative.
+        assert!((curvature - second).abs() < 1e-4 * second.abs().max(1.0), "direction {seed}: {curvature} {second}");
+    }
 }

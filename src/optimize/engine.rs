@@ -5,7 +5,7 @@ use std::fmt;
 use serde::Deserialize;
 
 use super::argmin_phase::ArgminSolver;
-use super::{Objective, OptimizeError};
+use super::{BoundaryValues, Objective, OptimizeError};
 
 /// Most tets that [`Engine::Slsqp`] accepts. Its dense least squares problems grow like the cube of the size: 0.7 s in all
 /// at 672 tets, no progress in 40 s at 705 on a mesh with more of its vertices inside.
@@ -42,14 +42,15 @@ pub enum Engine {
 }
 
 impl Engine {
-    /// Whether this engine can minimise an objective in this build.
+    /// Whether this engine can minimise an objective with such boundary values in this build.
     ///
     /// # Errors
-    /// [`OptimizeError::NoNlopt`] or [`OptimizeError::NotForSoftMax`].
-    pub fn check(self, objective: Objective) -> Result<(), OptimizeError> {
+    /// [`OptimizeError::NoNlopt`], [`OptimizeError::NotForSoftMax`] or [`OptimizeError::NotSliding`].
+    pub fn check(self, objective: Objective, values: BoundaryValues) -> Result<(), OptimizeError> {
         match objective {
             _ if self.solves_epigraph() && cfg!(not(feature = "nlopt")) => Err(OptimizeError::NoNlopt(self)),
             Objective::SoftMax(_) if self.solves_epigraph() => Err(OptimizeError::NotForSoftMax(self)),
+            _ if values == BoundaryValues::Sliding && self != Self::Newton => Err(OptimizeError::NotSliding(self)),
             _ => Ok(()),
         }
     }

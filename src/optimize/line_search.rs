@@ -46,7 +46,7 @@ impl Trials {
         energy: &E,
         image: Vec<Vec3>,
     ) -> Option<(f64, Iterate)> {
-        if !assembly.keeps_sides(&image) || !assembly.is_finite_on(energy, &self.infinite, &image) {
+        if assembly.turned_triangle(&image).is_some() || !assembly.is_finite_on(energy, &self.infinite, &image) {
             return None;
         }
         let trial = assembly.at(image);

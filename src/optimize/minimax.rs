@@ -33,6 +33,20 @@ pub(super) fn minimax(
 ) -> Result<Ending, SparseError> {
     let free = whole.free().len();
     let mut last = None;
+    // Sliding regions have no boundary whose triangles could be watched: they are taken whole.
+    if whole.unknowns().slides() {
+        if free > MOST_FREE {
+            return Ok(Ending::TooWide);
+        }
+        let mut assembly = Assembly::new(whole.domain(), whole.unknowns(), Method::Direct)?;
+        let mut iterate = assembly.at(image.to_vec());
+        let rim = vec![false; whole.domain().mesh().tets().len()];
+        let settled = interior_point_phase(&mut assembly, &mut iterate, Goal::Bound, tolerance, &rim, recorder);
+        image.copy_from_slice(iterate.image());
+        let tets: Vec<TetId> = (0..rim.len() as u32).map(TetId).collect();
+        let kkt = settled.bound.map(|bound| over_all(whole, image, bound, &settled, &tets));
+        return Ok(Ending::Settled(settled.end, kkt.flatten()));
+    }
     for (share, rings) in ROUNDS {
         let Some(region) = Region::of_large_dilatation(whole, image, share, rings, MOST_FREE) else {
             break;
@@ -47,7 +61,7 @@ pub(super) fn minimax(
         let settled = interior_point_phase(&mut assembly, &mut part, Goal::Bound, tolerance, &rim, recorder);
         recorder.part = None;
         region.extend(part.image(), image);
-        let kkt = settled.bound.map(|bound| over_all(whole, image, bound, &settled, &region));
+        let kkt = settled.bound.map(|bound| over_all(whole, image, bound, &settled, &region.part.tets));
         let optimal = kkt.flatten().is_some_and(|kkt| kkt.largest() <= OPTIMAL);
         last = Some((settled.end, kkt.flatten()));
         if settled.end == PhaseEnd::Interrupted || optimal || region.is_whole(free) {
@@ -96,13 +110,13 @@ fn over_all(
     image: &[Vec3],
     bound: f64,
     settled: &Settled,
-    region: &Region,
+    tets: &[TetId],
 ) -> Option<KktResidual> {
     let domain = whole.domain();
     let mut gradient = vec![Vec3::zeros(); image.len()];
     let (mut scale, mut sum, mut complementarity) = (0.0, 0.0, 0.0);
     for &(tet, side, multiplier) in &settled.multipliers {
-        let tet: TetId = region.part.tets[tet];
+        let tet: TetId = tets[tet];
         let function = log_dilatations(domain, tet, image)?[side];
         for (g, v) in function.gradient.iter().zip(domain.mesh().tets()[tet.index()]) {
             if !whole.unknowns().is_fixed(v.index()) {

@@ -26,7 +26,7 @@ use crate::cancel::Cancel;
 use crate::domain::Domain;
 use crate::linalg::{Method, SparseError};
 use crate::mesh::Vec3;
-use crate::objective::{Assembly, Iterate, Unknowns};
+use crate::objective::{Assembly, Freedom, Iterate, Unknowns};
 pub use engine::{Engine, MOST_TETS_CONSERVATIVE, MOST_TETS_QUADRATIC};
 use minimax::Ending;
 use recorder::{PhaseEnd, Progress, Recorder};
@@ -47,6 +47,8 @@ const SHARE_BEFORE_LAST_PHASE: f64 = 0.7;
 /// Free vertices from which the soft maxima's and the polish's systems are solved iteratively: with 1,200 that takes 0.6 to
 /// 0.9 of the time of all with a sparse factor on cube, icosa and tetra-10k, and 1.4 on bumpy-10k; with more, ever less.
 const ITERATIVE_FROM: usize = 1000;
+/// Distance from a sphere, relative to its radius, within which a vertex is on it: the digits of files.
+const ON_SPHERE: f64 = 1e-5;
 /// Share of the limits that is the polish's.
 const POLISH_SHARE: f64 = 0.15;
 /// Largest KKT residual that counts as optimal.
@@ -78,6 +80,18 @@ pub enum Polish {
     None,
 }
 
+/// What becomes of fixed vertices on the boundary.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[serde(rename_all = "kebab-case")]
+pub enum BoundaryValues {
+    /// They stay where they are.
+    #[default]
+    Fixed,
+    /// They may move on the sphere about the origin on which they must be.
+    Sliding,
+}
+
 /// The settings of one optimisation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OptimizeSettings {
@@ -87,6 +101,8 @@ pub struct OptimizeSettings {
     pub engine: Engine,
     /// What follows a settled [`Objective::Max`].
     pub polish: Polish,
+    /// Whether the boundary slides.
+    pub boundary_values: BoundaryValues,
     /// Accuracy in ln K at which the last phase ends, > 0.
     pub tolerance: f64,
     /// Most iterations over all phases.
@@ -111,6 +127,7 @@ impl Default for OptimizeSettings {
             objective: Objective::Max,
             engine: Engine::Newton,
             polish: Polish::Mean,
+            boundary_values: BoundaryValues::Fixed,
             tolerance: 1e-6,
             max_iterations: 1000,
             time_limit: None,
@@ -120,11 +137,28 @@ impl Default for OptimizeSettings {
 }
 
 /// Why an optimisation could not start.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum OptimizeError {
     /// The start is not injective, so K is infinite there.
     #[error("{0} tets of the start are flipped or flat; the optimisation needs a start without any")]
     FlippedStart(usize),
+    /// A boundary that is to slide on a sphere about the origin and is not on one.
+    #[error(
+        "vertex {vertex} of the boundary lies at the distance {radius} from the origin, the first one at {of_first}: boundary values slide on a sphere about the origin only; keep them fixed, or start from a map onto the ball"
+    )]
+    NotOnSphere {
+        /// The vertex, counted from 0.
+        vertex: u32,
+        /// Its distance from the origin.
+        radius: f64,
+        /// That of the first vertex of the boundary.
+        of_first: f64,
+    },
+    /// A boundary that is to slide and is no image of a sphere without folds.
+    #[error(
+        "the triangle {0:?} of the boundary does not face away from the origin (vertices are counted from 0): boundary values slide where the image is star-shaped about it; keep them fixed, or start from a map onto the ball"
+    )]
+    TurnedTriangle([u32; 3]),
     /// The Newton system does not fit.
     #[error("the Newton system of this mesh cannot be held: {0}")]
     System(#[from] SparseError),
@@ -133,6 +167,11 @@ pub enum OptimizeError {
         "this build has no NLopt, which the engine \"{0}\" belongs to: build with the feature \"nlopt\", or use the engine \"newton\""
     )]
     NoNlopt(Engine),
+    /// An engine that cannot keep vertices on a sphere.
+    #[error(
+        "the engine \"{0}\" cannot slide boundary values on the sphere: use the engine \"newton\", or keep them fixed"
+    )]
+    NotSliding(Engine),
     /// An engine for the largest K only.
     #[error(
         "the engine \"{0}\" minimizes the largest K only: for soft maxima use \"newton\", \"lbfgs\", \"newton-cg\" or \"trust-region\""
@@ -259,14 +298,17 @@ pub fn optimize(
     settings: &OptimizeSettings,
     observe: &mut dyn FnMut(&TraceRow),
 ) -> Result<Outcome, OptimizeError> {
-    settings.engine.check(settings.objective)?;
+    settings.engine.check(settings.objective, settings.boundary_values)?;
     settings.engine.check_size(domain.mesh().tets().len())?;
-    let unknowns = Unknowns::of_mask(fixed);
+    let unknowns = unknowns(domain, start, fixed, settings.boundary_values)?;
     let mut assembly = Assembly::new(domain, &unknowns, method(&unknowns))?;
     let mut iterate = assembly.at(start.to_vec());
     let flipped = iterate.decompositions().iter().filter(|tet| tet.values[2] <= 0.0).count();
     if flipped > 0 {
         return Err(OptimizeError::FlippedStart(flipped));
+    }
+    if let Some(triangle) = assembly.turned_triangle(start) {
+        return Err(OptimizeError::TurnedTriangle(triangle.map(|v| v.0)));
     }
     let mut recorder = Recorder::new(&iterate, settings, observe);
     if assembly.free().is_empty() {
@@ -335,6 +377,31 @@ pub fn untangle_and_optimize(
         Outcome { stop, ..Outcome::still_flipped(untangled.positions.clone()) }
     };
     Ok((untangled, outcome))
+}
+
+/// What varies.
+fn unknowns(
+    domain: &Domain,
+    start: &[Vec3],
+    fixed: &[bool],
+    values: BoundaryValues,
+) -> Result<Unknowns, OptimizeError> {
+    if values == BoundaryValues::Fixed {
+        return Ok(Unknowns::of_mask(fixed));
+    }
+    let boundary = domain.boundary().vertex_mask();
+    let radius = |v: usize| start[v].norm();
+    let of_first = (0..start.len()).find(|&v| boundary[v]).map_or(0.0, radius);
+    let off = |v: &usize| boundary[*v] && !((radius(*v) - of_first).abs() <= ON_SPHERE * of_first && of_first > 0.0);
+    if let Some(vertex) = (0..start.len()).find(off) {
+        return Err(OptimizeError::NotOnSphere { vertex: vertex as u32, radius: radius(vertex), of_first });
+    }
+    let freedom = |(&fixed, &on_boundary): (&bool, &bool)| match (fixed, on_boundary) {
+        (_, true) => Freedom::OnSphere,
+        (true, false) => Freedom::Fixed,
+        (false, false) => Freedom::Free,
+    };
+    Ok(Unknowns::new(fixed.iter().zip(boundary).map(freedom).collect()))
 }
 
 /// How the soft maxima's Newton systems are solved.

@@ -254,6 +254,35 @@ fn honest_runs_of_every_kind_are_verified() {
     }
 }
 
+#[test]
+fn a_boundary_that_slid_is_verified_on_its_sphere() {
+    let folder = results(&["boundary.values=sliding"]);
+    let (code, text) = qcball(&["verify"], folder.path());
+    assert!(code == Some(0), "{text}");
+    every_one_is_found(
+        folder.path(),
+        &[
+            (
+                "a vertex off the sphere",
+                |f| edit_maps(f, |m| m.image.soup.points[100] *= 1.0 + 1e-9),
+                "not on the sphere",
+            ),
+            (
+                "a vertex moved along the sphere",
+                |f| {
+                    edit_maps(f, |m| {
+                        let [x, y] = [m.image.soup.points[100].x, m.image.soup.points[100].y];
+                        let (sine, cosine) = 1e-6f64.sin_cos();
+                        m.image.soup.points[100].x = cosine * x - sine * y;
+                        m.image.soup.points[100].y = sine * x + cosine * y;
+                    });
+                },
+                "k_",
+            ),
+        ],
+    );
+}
+
 /// What the helpers of these tests write is what was there, but for what they change.
 #[test]
 fn nothing_is_found_where_nothing_was_changed() {
