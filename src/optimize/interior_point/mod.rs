@@ -19,6 +19,9 @@ use system::{Row, Step, System, Target};
 
 /// Distance of the first bound above the present ln max K: in ln K, and as a share of it where that is less.
 const FIRST_SLACK: (f64, f64) = (0.0005, 0.1);
+/// The same where vertices slide, in ln K: thousands of tets come near the maximum together there, and a first centre from which
+/// they are seen takes half the steps (prism-1k 41 instead of 194, tetra-1k 90 instead of 156).
+const FIRST_SLACK_SLIDING: f64 = 0.1;
 /// The first weight as a share of that for which the first bound is stationary: with all of it the first centres lie so far
 /// above the maximum that few constraints are near them.
 const FIRST_WEIGHT: f64 = 0.1;
@@ -44,16 +47,14 @@ const PRODUCTS: f64 = 1e4;
 const REACHED: f64 = 0.7;
 /// Largest violation of a given bound, in ln K.
 pub(super) const VIOLATION: f64 = 1e-5;
-/// Most Newton steps; 8 to 23 are usual, 41 the most seen.
-const MOST_STEPS: usize = 200;
+/// Most Newton steps; 8 to 23 are usual, 41 the most seen where no vertex slides, and 200 were too few for tetra-10k where they do.
+const MOST_STEPS: usize = 400;
 /// Steps in a row below the second entry that end it.
 const SHORT: (usize, f64) = (6, 1e-3);
 /// Steps in a row that leave the weight as it is, after which it is lowered to this share in any case: few constraints may be
-/// near a centre far above the maximum, and steps then go to and fro about it.
+/// near a centre far above the maximum, and steps then go to and fro about it. Not so where vertices slide, whose first centre has
+/// many constraints near it: there the predictor alone says when.
 const IDLE: (usize, f64) = (5, 0.3);
-/// The same where vertices slide: the way to a centre is longer there, and with 5 a thousand tets take up to four times as many
-/// steps. With 15 cube-10k settles in 58 steps, with 8 and with 30 it does not in 200.
-const IDLE_SLIDING: usize = 15;
 /// Complementarity from which it is clear whether the multipliers stay away from the rim, and the share of them from where
 /// a larger region is needed.
 const RIM: (f64, f64) = (1e-3, 1e-2);
@@ -117,7 +118,8 @@ impl Path {
         let (bound, rest_weight, mean_weight) = match goal {
             Goal::Bound => {
                 let largest = 3.0 * iterate.largest_log()?;
-                let bound = largest + FIRST_SLACK.0.min(FIRST_SLACK.1 * largest);
+                let slack = if assembly.unknowns().slides() { FIRST_SLACK_SLIDING } else { FIRST_SLACK.0 };
+                let bound = largest + slack.min(FIRST_SLACK.1 * largest);
                 let stationary = -1.0 / assembly.bound_derivatives(&Barrier { bound }, iterate)?.0;
                 (bound, FIRST_WEIGHT * stationary, 0.0)
             }
@@ -144,7 +146,7 @@ impl Path {
         rim: &[bool],
         recorder: &mut Recorder<'_>,
     ) -> PhaseEnd {
-        let patience = if assembly.unknowns().slides() { IDLE_SLIDING } else { IDLE.0 };
+        let slides = assembly.unknowns().slides();
         let mut damping = Damping::new(assembly);
         let (mut short, mut idle) = (0, 0);
         let share = recorder.progress;
@@ -172,7 +174,7 @@ impl Path {
                 Goal::Mean(_) => ("mean", 1.0),
             };
             recorder.progress = share + (last - share) * done.clamp(0.0, 1.0);
-            let most = if idle >= patience { IDLE.1 } else { 1.0 } * self.problem.rest_weight;
+            let most = if idle >= IDLE.0 && !slides { IDLE.1 } else { 1.0 } * self.problem.rest_weight;
             let (step, weight) = self.step(assembly, iterate.image(), &system, &rows, most);
             idle = if weight < 0.9 * self.problem.rest_weight { 0 } else { idle + 1 };
             let Some(length) = self.advance(assembly, iterate, &rows, &step, weight) else {
