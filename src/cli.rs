@@ -1,6 +1,7 @@
 //! The command line: arguments in, exit code out. Numbers go to standard output, everything else to standard error.
 
 mod bench;
+mod compare;
 mod evaluate;
 mod inputs;
 mod interrupt;
@@ -22,19 +23,37 @@ use clap_complete::Shell;
 
 use crate::bench::BenchError;
 use crate::comparison::{self, ComparisonError};
-use crate::config::{AnalyticPlan, ConfigError, MeshPlan, Plan, schema};
-use crate::experiment::{self, RunError};
+use crate::config::{AnalyticPlan, ConfigError, MeshPlan, Plan, Task, schema};
+use crate::experiment::{self, RunError, Start};
 use crate::mesh::io::{ReadError, WriteError, check_folder_is_writable};
 use crate::optimize::StopReason;
 use crate::report::{FILES, PageError, summary, time_line, write_pages, write_pages_of, write_results};
 use crate::solid::ExternalSettings;
+use crate::sweep::{TableError, memory_of};
 use crate::verify::VerifyError;
 use output::{fault, note, print, show_error};
 use progress::Progress;
 
-/// Ball parameterizations of star-shaped solids with low quasi-conformal dilatation.
+#[cfg(feature = "nlopt")]
+macro_rules! nlopt {
+    () => {
+        ", nlopt"
+    };
+}
+#[cfg(not(feature = "nlopt"))]
+macro_rules! nlopt {
+    () => {
+        ""
+    };
+}
+
+/// What `--version` tells and `-V` leaves out: which program this is, for who finds that it differs from another.
+const LONG_VERSION: &str =
+    concat!(env!("CARGO_PKG_VERSION"), "\nrevision ", env!("QCBALL_REVISION"), "\nfeatures cli", nlopt!());
+
+/// Ball parameterizations of solids with low quasi-conformal dilatation.
 #[derive(Debug, Parser)]
-#[command(name = "qcball", version, propagate_version = true)]
+#[command(name = "qcball", version, long_version = LONG_VERSION, propagate_version = true)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -52,6 +71,10 @@ enum Command {
     Optimize(optimize::OptimizeArguments),
     /// Run every case of a config's table [sweep], several at a time; go on where an earlier call was stopped.
     Sweep(sweep::SweepArguments),
+    /// Set two sweeps or runs side by side, case by case: what changed in K, in time, and in how they stopped.
+    Compare(compare::CompareArguments),
+    /// Print chosen columns of a sweep or run as a table: text, CSV, Markdown or LaTeX.
+    Table(compare::TableArguments),
     /// Check a results folder from its files alone: connectivity, orientation, dilatations, bounds, gap.
     Verify(verify::VerifyArguments),
     /// Apply a map with a formula (affine, folding, cone, power, zorich, caraman ...) to the vertices of a mesh.
@@ -80,7 +103,9 @@ enum Command {
 
 #[derive(Debug, Args)]
 struct RunArguments {
-    /// The config file; `qcball schema` describes its keys.
+    /// A surface or mesh file to be mapped as it is best left to the program, a config file (`qcball schema` describes its keys),
+    /// or - for a config on standard input.
+    #[arg(value_name = "SOLID|CONFIG")]
     config: PathBuf,
     /// Override a key of the config, e.g. --set mesh.layers=4; may be given several times.
     #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
@@ -94,6 +119,9 @@ struct RunArguments {
     /// Keep a given mesh as it is, locked tets included; the same as --set domain.keep_mesh=true.
     #[arg(long)]
     keep_mesh: bool,
+    /// Mesh the solid, print what would be solved and how much memory that takes, and write nothing.
+    #[arg(long, conflicts_with_all = ["json", "quiet"])]
+    dry_run: bool,
     /// No progress and no summary.
     #[arg(long)]
     quiet: bool,
@@ -137,6 +165,8 @@ pub(crate) enum Failure {
     #[error(transparent)]
     Evaluate(#[from] evaluate::EvaluateFailure),
     #[error(transparent)]
+    Table(#[from] TableError),
+    #[error(transparent)]
     Sphere(#[from] sphere::SphereFailure),
     #[error(transparent)]
     Page(#[from] PageError),
@@ -160,6 +190,8 @@ pub fn main() -> ExitCode {
         Command::Bounds(arguments) => measure::bound_map(&arguments),
         Command::Optimize(arguments) => optimize::optimize(&arguments),
         Command::Sweep(arguments) => sweep::sweep(&arguments),
+        Command::Compare(arguments) => compare::compare_folders(&arguments),
+        Command::Table(arguments) => compare::table(&arguments),
         Command::Verify(arguments) => verify::verify_folder(&arguments),
         Command::Map(arguments) => map::map(&arguments),
         Command::Evaluate(arguments) => evaluate::evaluate(&arguments),
@@ -195,7 +227,7 @@ fn completions(shell: Shell) -> Result<Ending, Failure> {
 
 /// `qcball run` of a config with the table `[analytic]`.
 fn run_comparison(arguments: &RunArguments, plan: &AnalyticPlan) -> Result<Ending, Failure> {
-    if !arguments.set.is_empty() || arguments.keep_mesh || arguments.json {
+    if !arguments.set.is_empty() || arguments.keep_mesh || arguments.json || arguments.dry_run {
         return Err(Failure::NoSuchOption { path: arguments.config.clone() });
     }
     let folder = arguments.out.clone().unwrap_or_else(|| PathBuf::from("results").join(&plan.name));
@@ -218,15 +250,34 @@ fn pages_are_written(folder: &Path, written: Result<PathBuf, PageError>) -> bool
     written.is_ok()
 }
 
+/// What would be solved: the mesh and the map started from, and the memory that is likely to be needed.
+fn preview(plan: &Plan, folder: &Path) -> Result<String, Failure> {
+    let (start, k) = experiment::on_threads(plan.threads.unwrap_or(0), || -> Result<_, RunError> {
+        let start = Start::of(plan)?;
+        let summary = start.measure(&start.image).summary;
+        Ok((start, summary))
+    })??;
+    let domain = &start.domain;
+    let (vertices, tets) = (domain.mesh().points().len(), domain.mesh().tets().len());
+    let boundary = domain.boundary().vertex_mask().iter().filter(|&&on| on).count();
+    let mut text: String = start.warnings.iter().map(|warning| format!("warning     {warning}\n")).collect();
+    text += &format!("run         {} ({})\nsolid       {}\n", plan.name, plan.source.path().display(), start.origin);
+    text += &format!("mesh        {vertices} vertices ({boundary} on the boundary), {tets} tets\n");
+    text +=
+        &format!("start       {}: max K {:.4}, mean {:.4}, {} flipped\n", start.map.map, k.max_k, k.mean_k, k.flipped);
+    text += &format!("memory      about {:.1} GiB\n", memory_of(tets) as f64 / f64::from(1 << 30));
+    Ok(text + &format!("results     would go to {}; nothing was written\n", folder.display()))
+}
+
 fn run(arguments: &RunArguments) -> Result<Ending, Failure> {
-    if let Some(plan) = AnalyticPlan::read(&arguments.config)? {
-        return run_comparison(arguments, &plan);
-    }
     let mut overrides = arguments.set.clone();
     if arguments.keep_mesh {
         overrides.push("domain.keep_mesh=true".into());
     }
-    let mut plan = Plan::read(&arguments.config, &overrides)?;
+    let mut plan = match Task::read(&arguments.config, &overrides)? {
+        Task::Map(plan) => *plan,
+        Task::Compare(plan) => return run_comparison(arguments, &plan),
+    };
     if plan.source.text().parse::<toml::Table>().is_ok_and(|table| table.contains_key("sweep")) {
         let config = arguments.config.display();
         note(&format!("this is one run, without the table [sweep]; `qcball sweep {config}` runs its cases"));
@@ -235,6 +286,10 @@ fn run(arguments: &RunArguments) -> Result<Ending, Failure> {
         plan.threads = Some(usize::from(threads)).filter(|&threads| threads > 0);
     }
     let folder = arguments.out.clone().unwrap_or_else(|| PathBuf::from("results").join(&plan.name));
+    if arguments.dry_run {
+        plan.optimize.cancel = interrupt::cancel_on_signal();
+        return print(&preview(&plan, &folder)?);
+    }
     // Before hours of work, not after.
     check_folder_is_writable(&folder)?;
     if let Some(taken) = FILES.map(|name| folder.join(name)).into_iter().find(|path| path.is_dir()) {

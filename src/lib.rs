@@ -286,7 +286,7 @@
 //!
 //! # The modules
 //!
-//! In this order; outside of tests, a module uses only what stands above it. From [`picture`] on they belong to the feature `cli`.
+//! [`guide`] is text only: what the command does, a chapter a topic. The others follow in this order; outside of tests, a module uses only what stands above it. From [`picture`] on they belong to the feature `cli`.
 //!
 //! | module | what it holds |
 //! |---|---|
@@ -316,6 +316,8 @@
 //!
 //! The paper all this starts from is Naitsat, Saucan and Zeevi, *Volumetric Quasi-conformal Mappings*, GRAPP 2015,
 //! doi 10.5220/0005298900460057; "paper eq. N" in these pages is an equation of it.
+
+pub mod guide;
 
 pub mod cancel;
 

@@ -88,15 +88,48 @@ fn every_config_has_its_summary_committed() {
     }
 }
 
+/// The blocks of text of a page that show what the program prints.
+fn printed_blocks(page: &str) -> Vec<String> {
+    let text = fs::read_to_string(root().join(page)).unwrap();
+    let blocks = text.split("\n```text\n").skip(1);
+    blocks.map(|block| block.split("\n```").next().unwrap().to_string()).collect()
+}
+
 #[test]
-fn the_readme_shows_what_the_cube_prints() {
-    let readme = fs::read_to_string(root().join("README.md")).unwrap();
+fn readme_and_guide_show_what_the_cube_prints() {
     let committed = fs::read_to_string(root().join("results/cube/summary.txt")).unwrap();
-    let start = readme.find("```text\nrun         cube").expect("the README shows a run");
-    let shown = readme[start..].lines().skip(1).take_while(|line| *line != "```");
     // The time and the folder are of the terminal alone; brackets stand for what is left out.
     let own = ["time ", "results ", "["];
-    for line in shown.filter(|line| !own.iter().any(|start| line.starts_with(start))) {
-        assert!(committed.lines().any(|other| other == line), "{line} is not in results/cube/summary.txt");
+    for page in ["README.md", "src/guide/numbers.md"] {
+        let blocks = printed_blocks(page);
+        let lines: Vec<&str> = blocks.iter().flat_map(|block| block.lines()).collect();
+        assert!(lines.iter().any(|line| line.starts_with("final ")), "{page} shows no run");
+        for line in lines.iter().filter(|line| !own.iter().any(|start| line.starts_with(start))) {
+            assert!(committed.lines().any(|other| other == *line), "{page}: {line} is not in results/cube/summary.txt");
+        }
     }
+}
+
+#[test]
+fn configs_shown_in_the_guide_can_be_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("shown.toml");
+    let mut read = 0;
+    for entry in fs::read_dir(root().join("src/guide")).unwrap() {
+        let page = entry.unwrap().path();
+        let text = fs::read_to_string(&page).unwrap();
+        for block in text.split("\n```toml\n").skip(1) {
+            let block = block.split("\n```").next().unwrap();
+            // What a page leaves out is a solid; files of a reader's own are not here.
+            let named = block.contains("[domain]");
+            let config = if named { block.to_string() } else { format!("{block}\n[domain]\nsolid = \"cube\"\n") };
+            if config.contains("\"part.stl\"") {
+                fs::write(folder.path().join("part.stl"), "").unwrap();
+            }
+            fs::write(&path, &config).unwrap();
+            Plan::read(&path, &[]).unwrap_or_else(|error| panic!("{}: {error}\n{config}", page.display()));
+            read += 1;
+        }
+    }
+    assert!(read >= 4, "only {read} configs were found");
 }

@@ -242,6 +242,38 @@ fn the_viewer_draws_cuts_and_changes_colours_in_a_browser() {
           pictures.add(await set('colour', (colour) => { colour.value = name; }));
         }
         seen.colourings = pictures.size;
+        // The opaque pixels of the viewer that are no greys.
+        const vivid = async () => {
+          const image = new Image();
+          image.src = await Plotly.toImage(viewer, { format: 'png', width: 600, height: 300 });
+          await image.decode();
+          const context = Object.assign(document.createElement('canvas'), { width: 600, height: 300 }).getContext('2d');
+          context.drawImage(image, 0, 0);
+          const bytes = context.getImageData(0, 0, 600, 300).data;
+          const all = [];
+          for (let at = 0; at < bytes.length; at += 4) all.push([...bytes.slice(at, at + 4)]);
+          return all.filter(([r, g, b, a]) => a === 255 && Math.max(r, g, b) - Math.min(r, g, b) > 15);
+        };
+        // Place: a light that is the same everywhere leaves the colours as they are, but for rounding and the marks.
+        const own = new Set(viewer.data.flatMap((trace) => trace.facecolor ?? []));
+        const near = ([r, g, b]) => [-1, 0, 1].some((x) => [-1, 0, 1].some((y) => [-1, 0, 1].some((z) => own.has(`rgb(${r + x},${g + y},${b + z})`))));
+        const placed = await vivid();
+        seen.place = [placed.filter(near).length, placed.length];
+        seen.placesLegend = !document.getElementById('places').hidden;
+        // Active: shaded, so the directions of the two colours of the legend.
+        await set('axis', (axis) => { axis.value = ''; });
+        await set('colour', (colour) => { colour.value = 'active'; });
+        const legend = viewer.data[0].colorscale.map(([, colour]) => [1, 3, 5].map((at) => parseInt(colour.slice(at, at + 2), 16)));
+        const direction = (colour) => colour.slice(0, 3).map((part) => part / Math.hypot(...colour.slice(0, 3)));
+        const along = (one, other) => Math.hypot(...direction(one).map((part, index) => part - direction(other)[index])) < 0.06;
+        const shaded = await vivid();
+        seen.active = [0, 3].map((index) => shaded.filter((pixel) => along(pixel, legend[index])).length).concat(shaded.length);
+        seen.activeLegend = viewer.data.find((trace) => trace.showscale).colorbar.ticktext;
+        await set('colour', (colour) => { colour.value = 'k'; });
+        await set('top', (top) => { top.value = 2; });
+        seen.top = Math.exp(viewer.data[0].cmax);
+        const inScale = await vivid();
+        seen.scale = inScale.length;
         seen.words = viewer.data[0].text[0];
         const before = eye('scene').x;
         document.querySelector('[data-turn=\"15 0\"]').click();
@@ -274,6 +306,14 @@ fn the_viewer_draws_cuts_and_changes_colours_in_a_browser() {
     assert!((probe["highest"].as_f64().unwrap() + 0.625).abs() < 2.0 / 65_535.0, "{probe}");
     assert_eq!(probe["cutsDiffer"], 3, "{probe}");
     assert_eq!(probe["colourings"], 6, "{probe}");
+    // Pixels at the edges of triangles are mixtures: fewer than half of those seen. Colours times a scale are hardly ever another's.
+    let count = |name: &str, index: usize| probe[name][index].as_u64().unwrap();
+    assert!(count("place", 1) > 10_000 && 2 * count("place", 0) > count("place", 1), "{}", probe["place"]);
+    let [rest, active, all] = [0, 1, 2].map(|index| count("active", index));
+    // A tenth for the mark of the bottleneck, which has a colour of its own, and for mixtures.
+    assert!(active > 50 && rest > 5_000 && 10 * (rest + active) > 9 * all, "{}", probe["active"]);
+    assert_eq!(probe["activeLegend"], serde_json::json!(["other tets", "active tets"]));
+    assert!(probe["placesLegend"] == true && (probe["top"].as_f64().unwrap() - 2.0).abs() < 1e-9, "{probe}");
     assert!(probe["words"].as_str().unwrap().contains("K_I"), "{probe}");
     assert!(probe["turned"] == true && probe["linked"] == true, "{probe}");
     assert!(probe["theme"][0] != probe["theme"][1], "{probe}");

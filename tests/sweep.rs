@@ -325,3 +325,45 @@ fn on_a_full_disk_nothing_is_lost() {
     place.call("sweep a.toml --out whole --quiet");
     assert_eq!(["index.csv", "index.jsonl"].map(|name| fs::read(place.path(name)).unwrap()), place.index("whole"));
 }
+
+#[test]
+fn files_by_a_pattern_are_cases_in_the_order_of_their_names() {
+    let place = Place::with("[mesh]\nsubdivisions = 1\nlayers = 2\n[sweep]\nfiles = \"parts [x]/*.off\"\n");
+    let (code, error) = place.call("sweep a.toml --dry-run");
+    assert!(code == Some(2) && error.contains("no file matches"), "{error}");
+    fs::create_dir(place.path("parts [x]")).unwrap();
+    let (code, error) = place.call("sweep a.toml --dry-run");
+    assert!(code == Some(2) && error.contains("no file matches"), "{error}");
+    let octahedron = "OFF\n6 8 0\n1 0 0\n-1 0 0\n0 1 0\n0 -1 0\n0 0 1\n0 0 -1\n\
+                      3 0 2 4\n3 2 1 4\n3 1 3 4\n3 3 0 4\n3 2 0 5\n3 1 2 5\n3 3 1 5\n3 0 3 5\n";
+    fs::create_dir(place.path("parts x")).unwrap();
+    // Brackets are part of the pattern: one letter out of those between them.
+    for name in ["b.off", "a.off", "c.stl"] {
+        fs::write(place.path("parts x").join(name), octahedron).unwrap();
+    }
+    let (code, said) = place.call("sweep a.toml --dry-run");
+    let order = ["a.off", "b.off", "2 of 2 cases"].map(|part| said.find(part));
+    assert!(code == Some(0) && order.iter().all(Option::is_some) && order.is_sorted(), "{said}");
+    assert!(!said.contains("c.stl"), "{said}");
+}
+
+#[test]
+fn what_another_revision_did_is_kept_and_told_and_renewed_on_request() {
+    let place = Place::with(TWELVE);
+    assert_eq!(place.call("sweep a.toml --out x --quiet").0, Some(0));
+    let done = place.done("x");
+    let report = done.keys().next().unwrap().join("report.json");
+    let mut record: serde_json::Value = serde_json::from_slice(&fs::read(&report).unwrap()).unwrap();
+    record["revision"] = "of-old".into();
+    fs::write(&report, record.to_string()).unwrap();
+    let before = place.done("x");
+    let (code, said) = place.call("sweep a.toml --out x");
+    assert!(code == Some(0) && said.contains("1 of them by another revision") && place.done("x") == before, "{said}");
+    let index = String::from_utf8(place.index("x")[0].clone()).unwrap();
+    assert_eq!(index.matches("of-old").count(), 1, "{index}");
+    assert!(place.call("sweep a.toml --out x --dry-run").1.contains("by revision of-old"));
+    let (code, said) = place.call("sweep a.toml --out x --renew");
+    assert!(code == Some(0) && !said.contains("another revision"), "{said}");
+    let kept = place.done("x").iter().filter(|&(path, identity)| before.get(path) == Some(identity)).count();
+    assert_eq!(kept, 11);
+}

@@ -46,6 +46,9 @@ pub(crate) struct SweepArguments {
     /// First remove what was done of these cases before.
     #[arg(long, conflicts_with_all = ["index_only", "emit"])]
     fresh: bool,
+    /// First remove what another revision of qcball did of these cases; its results are kept otherwise.
+    #[arg(long, conflicts_with_all = ["dry_run", "fresh", "index_only", "emit"])]
+    renew: bool,
     /// Only make the index anew from the folders of the cases.
     #[arg(long, conflicts_with_all = ["shard", "emit"])]
     index_only: bool,
@@ -87,6 +90,10 @@ pub(super) fn sweep(arguments: &SweepArguments) -> Result<Ending, Failure> {
     }
     if arguments.fresh {
         cases.iter().try_for_each(|case| folder.forget(&case.id))?;
+    }
+    if arguments.renew {
+        let others = cases.iter().filter(|case| case.other_revision(&folder).is_some());
+        others.into_iter().try_for_each(|case| folder.forget(&case.id))?;
     }
     let settings = SweepSettings {
         jobs: arguments.jobs.map(usize::from),
@@ -132,6 +139,10 @@ fn end(arguments: &SweepArguments, tally: Tally, folder: &SweepFolder, index: Op
             words += &format!(", {count} {what}");
         }
         let path = index.map_or(folder.path().to_path_buf(), |name| folder.path().join(name));
+        if tally.other_revision > 0 {
+            let count = tally.other_revision;
+            words += &format!(", {count} of them by another revision of qcball (--renew computes those anew)");
+        }
         words += &format!("\nresults     {}\n", path.display());
         if index.is_some() && page {
             words += &format!("page        {}\n", folder.path().join("report.html").display());
@@ -145,8 +156,9 @@ fn end(arguments: &SweepArguments, tally: Tally, folder: &SweepFolder, index: Op
 fn list(sweep: &Sweep, cases: &[&Case], folder: &SweepFolder) -> String {
     let mut text = String::new();
     for case in cases {
-        text +=
-            &format!("{:>5}  {}  {:<10}  {}\n", case.number, case.id, folder.state(&case.id).name(), case.in_words());
+        let state = folder.state(&case.id).name();
+        let by = case.other_revision(folder).map(|revision| format!("  by revision {revision}")).unwrap_or_default();
+        text += &format!("{:>5}  {}  {state:<10}  {}{by}\n", case.number, case.id, case.in_words());
     }
     let done = cases.iter().filter(|case| folder.state(&case.id) == State::Done).count();
     text + &format!("{} of {} cases, {done} done, in {}\n", cases.len(), sweep.cases.len(), folder.path().display())

@@ -196,17 +196,21 @@ impl AnalyticPlan {
     /// # Errors
     /// The first fault, with the file, the line where there is one, and what to do.
     pub fn read(path: &Path) -> Result<Option<Self>, ConfigError> {
-        let Ok(text) = fs::read_to_string(path) else { return Ok(None) };
-        let has_table = toml::from_str::<toml::Table>(&text).is_ok_and(|table| table.contains_key("analytic"));
+        fs::read_to_string(path).map_or(Ok(None), |text| Self::of_text(path, &text))
+    }
+
+    /// The same of a text that is at hand; `path` only names it.
+    pub(super) fn of_text(path: &Path, text: &str) -> Result<Option<Self>, ConfigError> {
+        let has_table = toml::from_str::<toml::Table>(text).is_ok_and(|table| table.contains_key("analytic"));
         if !has_table {
             return Ok(None);
         }
-        let config: AnalyticConfig = toml::from_str(&text).map_err(|error| {
+        let config: AnalyticConfig = toml::from_str(text).map_err(|error| {
             let (message, help) = reworded(error.message(), None);
-            ConfigError::content(path, &text, error.span(), message, help)
+            ConfigError::content(path, text, error.span(), message, help)
         })?;
-        let made = Self::new(path, &text, config);
-        made.map(Some).map_err(|fault| ConfigError::content(path, &text, None, fault.message, fault.help))
+        let made = Self::new(path, text, config);
+        made.map(Some).map_err(|fault| ConfigError::content(path, text, None, fault.message, fault.help))
     }
 
     fn new(path: &Path, text: &str, config: AnalyticConfig) -> Result<Self, Fault> {

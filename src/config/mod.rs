@@ -14,6 +14,7 @@ mod plan;
 mod solid;
 mod source;
 mod sweep;
+mod task;
 
 pub use analytic::{AnalyticMeshPlan, AnalyticPlan, CaramanName, CaramanPlan, CellsPlan, MapPlan};
 pub use bench::{BenchPlan, optimize_settings};
@@ -24,6 +25,7 @@ pub use plan::{DomainSource, Plan};
 pub use solid::SolidName;
 pub use source::{ConfigSource, Setting};
 pub use sweep::{CasePlan, MOST_CASES, SweepPlan};
+pub use task::Task;
 
 use std::collections::BTreeMap;
 
@@ -361,6 +363,9 @@ pub struct OptimizeTable {
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SweepTable {
+    /// The surface and mesh files to be mapped one after the other: a pattern such as "parts/*.stl", relative to the config file. They
+    /// vary slowest of all.
+    pub files: Option<String>,
     /// Keys of this file with the values they take, e.g. "map.exponent" = [0.5, 1, 2] or "mesh.layers" = { from = 2, to =
     /// 8, step = 2 }: every value of one with every value of the others. The last key varies fastest.
     #[schemars(with = "BTreeMap<String, Axis>")]

@@ -8,6 +8,7 @@ use super::error::{ConfigError, EXAMPLE, Fault};
 use super::limits::{duration, positive, whole};
 use super::map::{self, InitialMap};
 use super::mesh::{self, MeshPlan};
+use super::source::STANDARD_INPUT;
 use super::{Config, ConfigSource, DomainTable, MapKind, ObjectiveName, OptimizeTable, PolishName, solid};
 use crate::bound::certificate::DEFAULT_TIME_LIMIT;
 use crate::map::CornerChoice;
@@ -68,7 +69,7 @@ impl std::fmt::Display for DomainSource {
 }
 
 impl Plan {
-    /// Reads a config, applies the overrides `key.path=value` and checks what they mean together.
+    /// Reads a config, from standard input for `-`, or takes the least one of a surface or mesh file, applies the overrides `key.path=value` and checks what they mean together.
     ///
     /// # Errors
     /// The first fault, with the file, line and key or the override to blame, and what to do.
@@ -144,7 +145,10 @@ impl Plan {
 }
 
 pub(super) fn name(config_path: &Path, config: &Config) -> Result<String, Fault> {
-    let stem = || config_path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+    let stem = || match config_path.file_stem().unwrap_or_default().to_string_lossy() {
+        stem if stem == STANDARD_INPUT => "stdin".into(),
+        stem => stem.into_owned(),
+    };
     let name = config.name.clone().unwrap_or_else(stem);
     // The name becomes a folder below results/, and must not lead out of it.
     let mut parts = Path::new(&name).components();

@@ -1,6 +1,7 @@
 //! The text of a config with the overrides of the command line, and the way back from a key to its place.
 
 use std::fs;
+use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -9,6 +10,10 @@ use toml::de::{DeTable, DeValue};
 
 use super::Config;
 use super::error::{ConfigError, Fault, least_config, not_a_config, reworded};
+use crate::mesh::io::{SurfaceFormat, TetFormat};
+
+/// What stands for standard input in the place of a file's name.
+pub(super) const STANDARD_INPUT: &str = "-";
 
 /// A config file as read, with the overrides that were applied to it.
 #[derive(Clone, Debug)]
@@ -57,17 +62,13 @@ impl std::fmt::Display for Setting {
 }
 
 impl ConfigSource {
-    /// Reads a config and applies overrides of the form `key.path=value`, the value in TOML or else a string.
+    /// Reads a config, from standard input for `-`, and applies overrides of the form `key.path=value`, the value in TOML or else a string.
     ///
     /// # Errors
     /// A fault of the file, which must hold known keys and right types by itself, or of the first override that brings
     /// in a wrong key or type.
     pub fn read(path: &Path, overrides: &[String]) -> Result<(Self, Config), ConfigError> {
-        let text = fs::read_to_string(path).map_err(|source| {
-            let help = if is_toml(path) || !path.is_file() { least_config() } else { not_a_config(path) };
-            ConfigError::Read { path: path.to_path_buf(), source, help }
-        })?;
-        Self::of_text(path, text, overrides)
+        Self::of_text(path, text_of(path)?, overrides)
     }
 
     /// The same of a text that is at hand; `path` only names it.
@@ -205,6 +206,29 @@ impl Override {
             Some(place) => ConfigError::content(path, text, span_of(text, place), message, help),
         }
     }
+}
+
+/// The text of the config that a path stands for: the file's, that of standard input for `-`, and for a file that holds a solid
+/// the least config, which names it.
+pub(super) fn text_of(path: &Path) -> Result<String, ConfigError> {
+    let name = path.file_name().and_then(|name| name.to_str());
+    let text = match name {
+        Some(STANDARD_INPUT) => io::read_to_string(io::stdin()),
+        Some(name) if holds_a_solid(path) => Ok(toml::Table::from_iter([(
+            "domain".into(),
+            toml::Table::from_iter([("file".into(), name.into())]).into(),
+        )])
+        .to_string()),
+        _ => fs::read_to_string(path),
+    };
+    text.map_err(|source| {
+        let help = if is_toml(path) || !path.is_file() { least_config() } else { not_a_config(path) };
+        ConfigError::Read { path: path.to_path_buf(), source, help }
+    })
+}
+
+fn holds_a_solid(path: &Path) -> bool {
+    SurfaceFormat::of(path).is_some() || TetFormat::of(path).is_some()
 }
 
 /// Whether a file means to be a config.

@@ -4,6 +4,7 @@ use std::cmp::Ordering;
 use std::collections::HashMap;
 use std::path::Path;
 
+use glob::Pattern;
 use serde::Deserialize;
 use toml::Value;
 
@@ -132,11 +133,19 @@ fn axes(source: &ConfigSource, table: &SweepTable) -> Result<Vec<Together>, Faul
             .collect()
     };
     let mut axes: Vec<Together> = Vec::new();
+    if let Some(pattern) = &table.files {
+        let place = ["sweep", "files"].map(String::from).to_vec();
+        let key = key(source, ["domain", "file"].map(String::from).to_vec(), place)?;
+        let rows = files(source.path(), pattern)?.into_iter().map(|file| vec![file.into()]).collect();
+        axes.push(Together { keys: vec![key], rows });
+    }
     for (key, values) in read("grid", &table.grid)? {
         axes.push(Together { keys: vec![key], rows: values.into_iter().map(|value| vec![value]).collect() });
     }
     axes.extend(together(read("zip", &table.zip)?)?);
-    axes.sort_by_key(|axis| source.position_of(&axis.keys[0].place).unwrap_or(usize::MAX));
+    // Files first, then as in the config.
+    let from = usize::from(table.files.is_some());
+    axes[from..].sort_by_key(|axis| source.position_of(&axis.keys[0].place).unwrap_or(usize::MAX));
     if let Some(seeds) = &table.seeds {
         let place = ["sweep", "seeds"].map(String::from).to_vec();
         let seeds = match seeds {
@@ -164,6 +173,29 @@ fn axes(source: &ConfigSource, table: &SweepTable) -> Result<Vec<Together>, Faul
     }
     check_apart(axes.iter().flat_map(|axis| &axis.keys))?;
     Ok(axes)
+}
+
+/// The files that a pattern matches, in the order of their names, relative to the config file.
+fn files(config: &Path, pattern: &str) -> Result<Vec<String>, Fault> {
+    let fault = |message, help: &str| Err(Fault::at(&["sweep", "files"], message, help));
+    let folder = config.parent().unwrap_or(Path::new(""));
+    // Only the pattern's own stars are meant, not those in the name of a folder above.
+    let whole = Path::new(&Pattern::escape(&folder.to_string_lossy())).join(pattern);
+    let found = match glob::glob(&whole.to_string_lossy()) {
+        Ok(found) => found,
+        Err(error) => return fault(format!("{pattern:?} is no pattern: {error}"), "for example \"parts/*.stl\""),
+    };
+    let mut names = Vec::new();
+    for path in found.filter_map(Result::ok).filter(|path| path.is_file()) {
+        match path.strip_prefix(folder).unwrap_or(&path).to_str() {
+            Some(name) => names.push(name.to_string()),
+            None => return fault(format!("{} has a name that is not UTF-8", path.display()), "rename it"),
+        }
+    }
+    if names.is_empty() {
+        return fault(format!("no file matches {pattern:?}"), "the pattern is relative to the config file");
+    }
+    Ok(names)
 }
 
 /// The entries of nested tables under the parts of their keys; `is_leaf` says which ends a key.

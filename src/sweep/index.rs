@@ -16,7 +16,7 @@ use crate::report::Report;
 type Column = (&'static str, fn(&Report) -> Value);
 
 /// The results in the index. None depends on the time or the threads.
-const RESULTS: [Column; 24] = [
+const RESULTS: [Column; 25] = [
     ("vertices", |report| json!(report.domain.vertices)),
     ("tets", |report| json!(report.domain.tets)),
     ("locked", |report| json!(report.domain.locked)),
@@ -41,6 +41,7 @@ const RESULTS: [Column; 24] = [
     ("bijective", |report| json!(report.bijective)),
     ("iterations", |report| json!(report.achieved.iterations)),
     ("stop", |report| json!(report.achieved.stop)),
+    ("revision", |report| json!(report.revision)),
 ];
 /// What is kept apart because it differs from one run to the next.
 const TIMES: [Column; 3] = [
@@ -60,6 +61,8 @@ pub struct Tally {
     pub not_bijective: usize,
     /// Those that failed.
     pub failed: usize,
+    /// Of those done, those that another revision of the program did.
+    pub other_revision: usize,
 }
 
 impl Tally {
@@ -74,6 +77,9 @@ impl Tally {
             State::Done => self.done += 1,
             State::Failed => self.failed += 1,
             State::Incomplete | State::Missing => {}
+        }
+        if row.report.as_ref().is_some_and(|report| report.revision != Report::REVISION) {
+            self.other_revision += 1;
         }
         if row.state == State::Done && !row.report.as_ref().is_some_and(|report| report.bijective) {
             self.not_bijective += 1;
@@ -120,13 +126,21 @@ impl<'a> Row<'a> {
             id: &self.case.id,
             status: self.state.name(),
             settings: self.case.settings.iter().map(|one| (one.key(), serde_json::json!(one.value))).collect(),
-            results: self
-                .report
-                .as_ref()
-                .map(|report| RESULTS.iter().map(|(name, value)| (name.to_string(), value(report))).collect()),
+            results: self.report.as_ref().map(results_of),
             error: self.error.as_deref(),
         }
     }
+}
+
+/// The results of a run by the names of their columns.
+pub(super) fn results_of(report: &Report) -> Map<String, Value> {
+    RESULTS.iter().map(|(name, value)| (name.to_string(), value(report))).collect()
+}
+
+/// The revision of the program that did a case; `None` where it is not done.
+pub(super) fn revision(id: &str, folder: &SweepFolder) -> Option<String> {
+    let record = folder.of_case(id, State::Done).join("report.json");
+    read(&record).map(|report| report.revision)
 }
 
 fn read(path: &Path) -> Option<Report> {
@@ -134,7 +148,7 @@ fn read(path: &Path) -> Option<Report> {
 }
 
 /// A text as a cell of a table: behind an apostrophe where a spreadsheet would take it for a formula.
-fn text_cell(text: &str) -> String {
+pub(super) fn text_cell(text: &str) -> String {
     if text.starts_with(['=', '+', '-', '@', '\t', '\r']) { format!("'{text}") } else { text.to_string() }
 }
 

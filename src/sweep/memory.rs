@@ -19,7 +19,15 @@ const LOOK_AGAIN: Duration = Duration::from_millis(500);
 
 /// Bytes that a case is likely to need; an estimate by its number of tets.
 pub(super) fn estimate(plan: &Plan) -> u64 {
-    let tets = tets(plan).unwrap_or(0.0);
+    of_tets(tets(plan).unwrap_or(0.0))
+}
+
+/// Bytes that a run on so many tets is likely to need.
+pub(crate) fn memory_of(tets: usize) -> u64 {
+    of_tets(tets as f64)
+}
+
+fn of_tets(tets: f64) -> u64 {
     (LEAST + PER_TET * tets * (tets / LINEAR_UP_TO).cbrt().max(1.0)) as u64
 }
 

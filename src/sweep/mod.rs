@@ -1,26 +1,28 @@
 //! Many runs from one config: the cases of its table `[sweep]`, each with a folder of its own, and an index over them.
 //!
-//! A case is known by the hash of what decides its result: the config with the case's settings, the file its domain comes
-//! from and the revision of this program. What has a folder under that name is done, whatever became of the process that
-//! did it, so a sweep that was killed goes on where it was, and several processes can share the cases.
+//! A case is known by the hash of what it asks for: the config with the case's settings and the file its domain comes from. What
+//! has a folder under that name is done, whatever became of the process that did it, so a sweep that was killed goes on where it
+//! was, and several processes can share the cases. It stays done when the program changes; the index tells the revision that did it.
 
 mod folder;
 mod index;
 mod memory;
 mod run;
 mod slurm;
+mod table;
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use crate::config::{ConfigError, DomainSource, Plan, Setting, SweepPlan};
-use crate::report::Report;
 
 pub use folder::{State, SweepFolder};
 pub use index::{Tally, write_index};
+pub(crate) use memory::memory_of;
 pub use run::{Compute, Ended, Event, SweepSettings, run};
 pub use slurm::{SlurmJob, write_slurm};
+pub use table::{Comparison, Results, Table, TableError, TableFormat, USUAL_COLUMNS, compare};
 
 /// Letters of an id: 48 bits, of which two in ten thousand cases agree with a chance of 2e-7.
 const ID_LETTERS: usize = 12;
@@ -43,7 +45,7 @@ pub struct Sweep {
 pub struct Case {
     /// Its place in the sweep, counted from 1.
     pub number: usize,
-    /// 12 hexadecimal digits of a hash of all that decides its result.
+    /// 12 hexadecimal digits of a hash of its settings and the file of its domain.
     pub id: String,
     /// Its values of the sweep's keys.
     pub settings: Vec<Setting>,
@@ -68,6 +70,11 @@ impl Sweep {
 }
 
 impl Case {
+    /// The other revision of this program that did the case, if one did.
+    pub fn other_revision(&self, folder: &SweepFolder) -> Option<String> {
+        index::revision(&self.id, folder).filter(|revision| revision != crate::report::Report::REVISION)
+    }
+
     /// Its settings as `--set` takes them, between blanks.
     pub fn in_words(&self) -> String {
         self.settings.iter().map(Setting::to_string).collect::<Vec<_>>().join(" ")
@@ -81,8 +88,6 @@ fn id(plan: &Plan, files: &mut HashMap<PathBuf, String>) -> String {
         hasher.update(text.as_bytes());
         hasher.update(b"\n");
     };
-    part(Report::VERSION);
-    part(Report::REVISION);
     part(plan.source.hash().as_str());
     if let DomainSource::Surface(path) | DomainSource::Mesh(path) = &plan.domain {
         part(files.entry(path.clone()).or_insert_with(|| content_hash(path)));

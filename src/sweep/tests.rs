@@ -52,7 +52,7 @@ fn a_case_that_panics_or_fails_is_recorded_stops_no_other_and_is_tried_again() {
         }
         experiment::run(plan, observe)
     });
-    assert_eq!(tally, Tally { cases: 6, done: 2, not_bijective: 0, failed: 4 });
+    assert_eq!(tally, Tally { cases: 6, done: 2, not_bijective: 0, failed: 4, other_revision: 0 });
     let recorded = index(&folder);
     assert_eq!(
         recorded["index.csv"].matches(",the program panicked: injected; please report this as a bug").count(),

@@ -134,7 +134,8 @@ impl Chart {
         let values =
             |axis: usize| self.series.iter().flat_map(move |one| one.points.iter().map(move |point| point[axis]));
         // What has bars on a logarithmic axis are ratios, which are all one at least.
-        let left = if self.x.logarithmic { 1.0 } else { 0.0 };
+        // Bars are of K, of which 1 is the least there is.
+        let left = 1.0;
         json!({
             "data": self.series.iter().map(|series| series.for_plotly(left)).collect::<Vec<Value>>(),
             "layout": {

@@ -71,7 +71,7 @@ pub(super) fn of_folder(folder: &Path) -> Result<Page, PageError> {
 /// The page of a run.
 pub(super) fn page(shown: &Shown) -> Page {
     let report = shown.report;
-    let charts = [histogram(shown.cells), cumulative(shown.cells), convergence(shown.trace), ladder(report)];
+    let charts = [histogram(shown.cells), cumulative(shown.cells), convergence(shown.trace, report), ladder(report)];
     let viewer = viewer(shown);
     let sections = vec![
         ("In short".into(), in_short(report)),
@@ -273,7 +273,7 @@ fn cumulative(cells: &[CellRow]) -> Chart {
     }
 }
 
-fn convergence(trace: &[TraceRow]) -> Chart {
+fn convergence(trace: &[TraceRow], report: &Report) -> Chart {
     let series = |name: &str, colour: usize, value: fn(&TraceRow) -> f64| {
         let points = trace.iter().enumerate().map(|(index, row)| [index as f64, value(row)]).collect();
         let hover = trace
@@ -282,12 +282,24 @@ fn convergence(trace: &[TraceRow]) -> Chart {
         Series { hover: hover.collect(), ..Series::new(name, colour, Style::Line, points) }
     };
     let values = trace.iter().flat_map(|row| [row.max_k, row.mean_k]);
+    let mut all = vec![series("max K", 1, |row| row.max_k), series("mean K", 0, |row| row.mean_k)];
+    let starts = || trace.iter().enumerate().filter(|&(at, row)| at == 0 || trace[at - 1].phase != row.phase);
+    all.push(Series {
+        hover: starts().map(|(_, row)| format!("phase {} begins", row.phase)).collect(),
+        ..Series::new("phases", 5, Style::Points, starts().map(|(at, row)| [at as f64, row.max_k]).collect())
+    });
+    if let Some(bound) = report.achieved.best.best_bound {
+        let points = vec![[0.0, bound], [trace.len().saturating_sub(1) as f64, bound]];
+        let hover =
+            vec![format!("no map of this mesh with this boundary has a largest K below {}", lower_bound(bound)); 2];
+        all.push(Series { hover, ..Series::new("best bound", 2, Style::Line, points) });
+    }
     Chart {
         id: "trace".into(),
         title: "The largest and the mean K by iteration".into(),
         x: Axis::linear("iteration, over all phases"),
         y: Axis::logarithmic_beyond(2.0, "K", values),
-        series: vec![series("max K", 1, |row| row.max_k), series("mean K", 0, |row| row.mean_k)],
+        series: all,
     }
 }
 

@@ -28,19 +28,20 @@ struct Scale {
 }
 
 impl Scale {
-    fn of(axis: &Axis, values: impl Iterator<Item = f64>, from_zero: bool) -> Self {
+    /// `from`: a value that the axis shows whatever the others are, unless it is logarithmic.
+    fn of(axis: &Axis, values: impl Iterator<Item = f64>, from: Option<f64>) -> Self {
         let logarithmic = axis.logarithmic;
         let drawn = values.map(|x| if logarithmic { x.ln() } else { x }).filter(|x| x.is_finite());
         let (mut least, mut most) =
             drawn.fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), x| (x.min(least), x.max(most)));
-        if from_zero && !logarithmic {
-            least = least.min(0.0);
+        if let Some(from) = from.filter(|_| !logarithmic) {
+            least = least.min(from);
         }
         if least > most {
             (least, most) = (0.0, 1.0);
         }
         let margin = if axis.names.is_empty() { 0.04 * (most - least).max(1e-9) } else { 0.5 };
-        let low = if least == 0.0 && axis.names.is_empty() { least } else { least - margin };
+        let low = if from == Some(least) && axis.names.is_empty() { least } else { least - margin };
         let range = low..most + margin;
         let ticks = match () {
             () if !axis.names.is_empty() => (0..axis.names.len()).map(|index| index as f64).collect(),
@@ -117,8 +118,9 @@ fn draw(chart: &Chart, area: DrawingArea<SVGBackend<'_>, Shift>) -> Result<(), B
     let along = |axis: usize| chart.series.iter().flat_map(move |s| s.points.iter().map(move |point| point[axis]));
     let has = |style: Style| chart.series.iter().any(|series| series.style == style);
     let (x, y) = (
-        Scale::of(&chart.x, along(0), has(Style::Bars)),
-        Scale::of(&chart.y, along(1), has(Style::Steps) && chart.y.names.is_empty()),
+        // Bars are of K, of which 1 is the least there is.
+        Scale::of(&chart.x, along(0), has(Style::Bars).then_some(1.0)),
+        Scale::of(&chart.y, along(1), (has(Style::Steps) && chart.y.names.is_empty()).then_some(0.0)),
     );
     area.fill(&WHITE)?;
     let longest = y.ticks.iter().map(|&tick| y.label(tick).chars().count()).max().unwrap_or(0) as u32;

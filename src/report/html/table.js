@@ -27,9 +27,11 @@ if (table) {
   const operators = {
     "<": (a, b) => a < b, ">": (a, b) => a > b, "<=": (a, b) => a <= b, ">=": (a, b) => a >= b, "=": (a, b) => a === b,
   };
+  let unknown = [];
   const condition = (term) => {
     const parts = /^(.+?)(<=|>=|<|>|=)(.+)$/.exec(term);
     const column = parts ? names.indexOf(parts[1]) : -1;
+    if (parts && column < 0) unknown.push(parts[1]);
     if (column < 0) return (row) => [...row.cells].some((one) => one.textContent.includes(term));
     const holds = operators[parts[2]];
     return (row) => {
@@ -39,13 +41,14 @@ if (table) {
   };
   const filter = document.getElementById("filter");
   const apply = () => {
+    unknown = [];
     const conditions = filter.value.split(/\s+/).filter(Boolean).map(condition);
     let count = 0;
     for (const row of all) {
       row.hidden = !conditions.every((holds) => holds(row));
       count += !row.hidden;
     }
-    document.getElementById("shown").textContent = `${count} of ${all.length} cases`;
+    document.getElementById("shown").textContent = `${count} of ${all.length} cases${unknown.length ? `; no column is named ${unknown.join(", ")}` : ""}`;
   };
   filter.addEventListener("input", apply);
   apply();

@@ -95,7 +95,8 @@ async function startViewer() {
     return `rgb(${[Math.min(radius, 1), phi, theta].map((part) => Math.round(255 * part)).join(",")})`;
   }
 
-  const ticks = () => {
+  const colourOf = { active: "#d55e00", rest: "#8fa3b5" };
+  const ticks = (most) => {
     const steps = most < 2 ? 0.1 : most < 4 ? 0.5 : most < 12 ? 1 : 0;
     const values = [];
     if (steps) for (let value = 1; value <= most + 1e-9; value += steps) values.push(Number(value.toFixed(2)));
@@ -106,17 +107,27 @@ async function startViewer() {
   function colouring(surface, scene) {
     const choice = byId("colour").value;
     const cells = Array.from(surface.cells);
-    if (choice === "place") return { facecolor: cells.map((_, triangle) => placeColour(centre(surface, 1, triangle))) };
-    if (choice === "active") return { facecolor: cells.map((cell) => (active[cell] ? "#d55e00" : "#8fa3b5")) };
+    // A mesh keeps the colours of its scale when it gets colours of its own, and plotly.js multiplies the two: other traces for those.
+    const uid = `${scene} ${choice === "place" ? "own colours" : "values"}`;
+    if (choice === "place") {
+      return { uid, facecolor: cells.map((_, triangle) => placeColour(centre(surface, 1, triangle))), lighting: { ambient: 1, diffuse: 0, specular: 0, fresnel: 0 } };
+    }
+    const bar = { thickness: 14, len: 0.8, tickfont: { color: colours().text } };
+    if (choice === "active") {
+      return {
+        uid, intensity: cells.map((cell) => active[cell]), intensitymode: "cell", cmin: 0, cmax: 1, showscale: scene === "scene2",
+        colorscale: [[0, colourOf.rest], [0.5, colourOf.rest], [0.5, colourOf.active], [1, colourOf.active]],
+        colorbar: { ...bar, tickvals: [0.25, 0.75], ticktext: ["other tets", "active tets"] },
+      };
+    }
     const values = { k, inner, outer, start }[choice];
-    const top = Math.log(Math.max(most, 1.001));
+    const top = Math.log(Math.max(Math.min(Number(byId("top").value) || most, most), 1.001));
     const label = byId("colour").selectedOptions[0].textContent;
     return {
-      intensity: cells.map((cell) => Math.min(Math.log(values[cell]), top)),
+      uid, intensity: cells.map((cell) => Math.min(Math.log(values[cell]), top)),
       intensitymode: "cell", cmin: 0, cmax: top, colorscale: "Viridis", showscale: scene === "scene2",
       colorbar: {
-        title: { text: label }, tickvals: ticks().map(Math.log), ticktext: ticks().map(String), thickness: 14, len: 0.8,
-        tickfont: { color: colours().text },
+        ...bar, title: { text: label }, tickvals: ticks(Math.exp(top)).map(Math.log), ticktext: ticks(Math.exp(top)).map(String),
       },
     };
   }
@@ -186,7 +197,11 @@ async function startViewer() {
 
   // Plotly's own default draws four times the pixels of the screen.
   const sharp = { ...settings, plotGlPixelRatio: Math.max(1, devicePixelRatio) };
-  const draw = () => Plotly.react(box, traces(shown), layout(), sharp);
+  const draw = () => {
+    byId("top").disabled = ["active", "place"].includes(byId("colour").value);
+    byId("places").hidden = byId("colour").value !== "place";
+    return Plotly.react(box, traces(shown), layout(), sharp);
+  };
 
   async function update() {
     const axis = byId("axis").value;
@@ -230,7 +245,7 @@ async function startViewer() {
   drawn.push(draw);
   narrow.addEventListener("change", draw);
   for (const id of ["axis", "level", "flip", "edges"]) byId(id).addEventListener("input", update);
-  byId("colour").addEventListener("input", draw);
+  for (const id of ["colour", "top"]) byId(id).addEventListener("input", draw);
   for (const name of ["plotly_relayouting", "plotly_relayout"]) {
     box.on(name, (change) => {
       for (const scene of ["scene", "scene2"]) {
