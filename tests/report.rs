@@ -272,8 +272,8 @@ fn the_viewer_draws_cuts_and_changes_colours_in_a_browser() {
         await set('colour', (colour) => { colour.value = 'k'; });
         await set('top', (top) => { top.value = 2; });
         seen.top = Math.exp(viewer.data[0].cmax);
-        const inScale = await vivid();
-        seen.scale = inScale.length;
+        await set('top', (top) => { top.value = ''; });
+        await set('axis', (axis) => { axis.value = '0'; });
         seen.words = viewer.data[0].text[0];
         const before = eye('scene').x;
         document.querySelector('[data-turn=\"15 0\"]').click();
