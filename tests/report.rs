@@ -245,8 +245,9 @@ fn the_viewer_draws_cuts_and_changes_colours_in_a_browser() {
         // The opaque pixels of the viewer that are no greys.
         const vivid = async () => {
           const image = new Image();
-          image.src = await Plotly.toImage(viewer, { format: 'png', width: 600, height: 300 });
-          await image.decode();
+          const url = await Plotly.toImage(viewer, { format: 'png', width: 600, height: 300 });
+          // Not by decode(): the browser's virtual time runs on while another thread decodes.
+          await new Promise((done) => { image.onload = done; image.src = url; });
           const context = Object.assign(document.createElement('canvas'), { width: 600, height: 300 }).getContext('2d');
           context.drawImage(image, 0, 0);
           const bytes = context.getImageData(0, 0, 600, 300).data;
