@@ -45,7 +45,7 @@ fn every_colour_of_a_map_is_drawn_and_repeated_to_the_bit() {
         assert_eq!(picture(folder.path(), &["rest.mesh", "image.mesh", "boundary.vtu"]).0, Some(0));
     }
     let data = fs::read_to_string(folder.path().join("boundary.vtu")).unwrap();
-    for name in ["K_outer", "mean curvature of the image", "dihedral angle"] {
+    for name in ["K_outer", "mean_curvature_image", "dihedral_angle"] {
         assert!(data.contains(&format!("Name=\"{name}\"")), "{name}");
     }
 }

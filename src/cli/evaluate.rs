@@ -91,9 +91,9 @@ pub(super) fn evaluate(arguments: &EvaluateArguments) -> Result<Ending, Failure>
     let nowhere = Vec3::repeat(f64::NAN);
     let positions: Vec<Vec3> = found.iter().map(|found| found.map_or(nowhere, |found| found.position)).collect();
     let (name, columns) = if *inverse {
-        ("domain position", ["domain_x", "domain_y", "domain_z"])
+        ("domain_position", ["domain_x", "domain_y", "domain_z"])
     } else {
-        ("image position", ["image_x", "image_y", "image_z"])
+        ("image_position", ["image_x", "image_y", "image_z"])
     };
     let number = |value: &dyn Fn(&Located) -> f64| found.iter().map(|found| found.as_ref().map(value)).collect();
     let columns: [(&str, Vec<Option<f64>>); 5] = [

@@ -33,9 +33,9 @@ impl<'a> BoundaryFigures<'a> {
     }
 
     /// Writes a VTU file: the boundary's triangles, with `K`, `K_inner` and `K_outer` of their tets if there is an image, then
-    /// its edges, with the `dihedral angle` inside in degrees and with an image the `dihedral angle of the image`; where a
-    /// cell is of the other kind its entry is NaN. On points: `mean curvature`, and with an image the `image position` and the
-    /// `mean curvature of the image`.
+    /// its edges, with the `dihedral_angle` inside in degrees and with an image the `dihedral_angle_image`; where a
+    /// cell is of the other kind its entry is NaN. On points: `mean_curvature`, and with an image the `image_position` and the
+    /// `mean_curvature_image`.
     ///
     /// # Errors
     /// The path and the system's reason.
@@ -46,23 +46,23 @@ impl<'a> BoundaryFigures<'a> {
             let angles = surface.dihedral_angles.iter().map(|(_, angle)| *angle);
             std::iter::repeat_n(f64::NAN, triangles).chain(angles).collect()
         };
-        let mut of_cells = vec![("dihedral angle", on_edges(before))];
+        let mut of_cells = vec![("dihedral_angle", on_edges(before))];
         let mut point_data =
-            vec![DataArray { name: "mean curvature", values: Values::Scalars(&before.mean_curvature) }];
+            vec![DataArray { name: "mean_curvature", values: Values::Scalars(&before.mean_curvature) }];
         if let Some((image, after, figures)) = after {
             let of_owners = |figure: fn(&CellFigures) -> f64| -> Vec<f64> {
                 let values = before.owners.iter().map(|&owner| figure(&figures[owner]));
                 values.chain(std::iter::repeat_n(f64::NAN, edges)).collect()
             };
             of_cells.extend([
-                ("dihedral angle of the image", on_edges(after)),
+                ("dihedral_angle_image", on_edges(after)),
                 ("K", of_owners(|figures| figures.dilatation.k())),
                 ("K_inner", of_owners(|figures| figures.dilatation.inner)),
                 ("K_outer", of_owners(|figures| figures.dilatation.outer)),
             ]);
             let curvature = Values::Scalars(&after.mean_curvature);
-            point_data.push(DataArray { name: "mean curvature of the image", values: curvature });
-            point_data.push(DataArray { name: "image position", values: Values::Vectors(image) });
+            point_data.push(DataArray { name: "mean_curvature_image", values: curvature });
+            point_data.push(DataArray { name: "image_position", values: Values::Vectors(image) });
         }
         let cell_data: Vec<DataArray> =
             of_cells.iter().map(|(name, values)| DataArray { name, values: Values::Scalars(values) }).collect();

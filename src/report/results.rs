@@ -20,7 +20,7 @@ use crate::optimize::TraceRow;
 /// The files of a run, but for `certificate.json`, which not every run has; the record comes last.
 pub(crate) const FILES: [&str; 6] = ["trace.csv", "cells.csv", "domain.vtu", "image.vtu", "summary.txt", "report.json"];
 /// The name of the image positions started from, on the points of both meshes.
-pub(crate) const START: &str = "start position";
+pub(crate) const START: &str = "start_position";
 
 /// The maps behind a report: what its tables and meshes show cell by cell.
 #[derive(Clone, Copy, Debug)]
@@ -66,7 +66,7 @@ pub fn write_results(folder: &Path, report: &Report, record: &MapRecord) -> Resu
     let points = &unit.give_back_points(record.domain.mesh().points());
     let [start, image] = &[record.initial, record.image].map(|positions| of_image.give_back_points(positions));
     for (name, shown, other_name, other) in
-        [("domain.vtu", points, "image position", image), ("image.vtu", image, "domain position", points)]
+        [("domain.vtu", points, "image_position", image), ("image.vtu", image, "domain_position", points)]
     {
         let point_data = [
             DataArray { name: "boundary", values: Values::Flags(cells.on_boundary) },
@@ -131,6 +131,7 @@ struct Cells<'a> {
     k: Vec<f64>,
     k_initial: Vec<f64>,
     volumes: Vec<f64>,
+    image_volumes: Vec<f64>,
 }
 
 /// One line of `cells.csv`.
@@ -177,10 +178,18 @@ impl<'a> Cells<'a> {
             k: column(record.measured, Dilatation::k),
             k_initial: column(record.measured_initial, Dilatation::k),
             volumes: record.domain.volumes().iter().map(|&volume| record.units[0].give_back(volume, 3)).collect(),
+            image_volumes: (0..)
+                .map(TetId)
+                .zip(record.domain.volumes())
+                .map(|(tet, volume)| {
+                    let of_image = record.domain.jacobian(tet, record.image).determinant() * volume;
+                    record.units[1].give_back(of_image, 3)
+                })
+                .collect(),
         }
     }
 
-    fn arrays(&self) -> [DataArray<'_>; 7] {
+    fn arrays(&self) -> [DataArray<'_>; 8] {
         [
             DataArray { name: "K", values: Values::Scalars(&self.k) },
             DataArray { name: "K_inner", values: Values::Scalars(&self.inner) },
@@ -189,6 +198,7 @@ impl<'a> Cells<'a> {
             DataArray { name: "active", values: Values::Flags(&self.active) },
             DataArray { name: "locked", values: Values::Flags(&self.locked) },
             DataArray { name: "volume", values: Values::Scalars(&self.volumes) },
+            DataArray { name: "volume_image", values: Values::Scalars(&self.image_volumes) },
         ]
     }
 

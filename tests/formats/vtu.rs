@@ -118,7 +118,7 @@ kinds = {block.type: block.data for block in meshio.read(surface).cells}
 assert set(kinds) == {"triangle", "line"}, kinds
 assert numpy.array_equal(kinds["triangle"], grid.cells_dict[pyvista.CellType.TRIANGLE])
 assert numpy.array_equal(kinds["line"], grid.cells_dict[pyvista.CellType.LINE])
-angles = grid.cell_data["dihedral angle"]
+angles = grid.cell_data["dihedral_angle"]
 assert numpy.isnan(angles[: len(kinds["triangle"])]).all() and numpy.isfinite(angles[len(kinds["triangle"]) :]).all()
 assert abs(grid.compute_cell_sizes()["Area"].sum() - 24) < 1e-12
 "#;

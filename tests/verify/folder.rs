@@ -69,7 +69,7 @@ pub struct Maps {
 impl Maps {
     /// The image positions started from.
     pub fn start(&mut self) -> &mut Vec<Vec3> {
-        &mut self.image.point_vectors.iter_mut().find(|(name, _)| name == "start position").unwrap().1
+        &mut self.image.point_vectors.iter_mut().find(|(name, _)| name == "start_position").unwrap().1
     }
 }
 
@@ -83,12 +83,12 @@ pub fn edit_maps(folder: &Path, edit: impl FnOnce(&mut Maps)) {
     let (mesh, _) = TetMesh::from_either_orientation(domain.soup.points.clone(), domain.soup.tets.clone()).unwrap();
     let on_boundary = Domain::any_topology(mesh).unwrap().boundary().vertex_mask().to_vec();
     for (name, file, other_name, other) in
-        [("domain.vtu", &domain, "image position", &image), ("image.vtu", &image, "domain position", &domain)]
+        [("domain.vtu", &domain, "image_position", &image), ("image.vtu", &image, "domain_position", &domain)]
     {
         let point_data = [
             DataArray { name: "boundary", values: Values::Flags(&on_boundary) },
             DataArray { name: other_name, values: Values::Vectors(&other.soup.points) },
-            DataArray { name: "start position", values: Values::Vectors(&start) },
+            DataArray { name: "start_position", values: Values::Vectors(&start) },
         ];
         let flags: Vec<Vec<bool>> =
             file.cell_data.iter().map(|(_, values)| values.iter().map(|&value| value != 0.0).collect()).collect();
