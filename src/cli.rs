@@ -23,12 +23,11 @@ use clap_complete::Shell;
 
 use crate::bench::BenchError;
 use crate::comparison::{self, ComparisonError};
-use crate::config::{AnalyticPlan, ConfigError, MeshPlan, Plan, Task, schema};
+use crate::config::{AnalyticPlan, ConfigError, Plan, Task, schema};
 use crate::experiment::{self, RunError, Start};
-use crate::mesh::io::{ReadError, WriteError, check_folder_is_writable};
+use crate::mesh::io::{ReadError, WriteError, check_file_can_be_put, check_folder_is_writable, shown_path};
 use crate::optimize::StopReason;
-use crate::report::{FILES, PageError, summary, time_line, write_pages, write_pages_of, write_results};
-use crate::solid::ExternalSettings;
+use crate::report::{FILES, INCOMPLETE, PageError, summary, time_line, write_pages, write_pages_of, write_results};
 use crate::sweep::{TableError, memory_of};
 use crate::verify::VerifyError;
 use output::{fault, note, print, show_error};
@@ -158,7 +157,10 @@ pub(crate) enum Failure {
     Write(#[from] WriteError),
     #[error(transparent)]
     Comparison(#[from] ComparisonError),
-    #[error("{} compares maps of known dilatation; of the options only --out, --threads and --quiet go with it", path.display())]
+    #[error(
+        "{} compares maps of known dilatation; of the options only --out, --threads and --quiet go with it",
+        shown_path(path)
+    )]
     NoSuchOption { path: PathBuf },
     #[error(transparent)]
     Map(#[from] map::MapFailure),
@@ -172,7 +174,7 @@ pub(crate) enum Failure {
     Page(#[from] PageError),
     #[error(transparent)]
     Picture(#[from] picture::PictureFailure),
-    #[error("{} is read and would be written over; name another file for the result", path.display())]
+    #[error("{} is read and would be written over; name another file for the result", shown_path(path))]
     OverInput { path: PathBuf },
     /// Standard output is closed or full; the reader of a closed pipe wants no more.
     #[error("cannot write to standard output: {0}")]
@@ -184,6 +186,7 @@ pub(crate) enum Failure {
 /// Exit codes: 0 done; 1 ended without what was asked for, report written; 2 bad input or usage, nothing written; 130 ended by
 /// a signal, the best so far written if there was a map.
 pub fn main() -> ExitCode {
+    experiment::heed_environment();
     let ending = match Cli::parse().command {
         Command::Run(arguments) => run(&arguments),
         Command::Measure(arguments) => measure::measure_map(&arguments),
@@ -239,13 +242,13 @@ fn run_comparison(arguments: &RunArguments, plan: &AnalyticPlan) -> Result<Endin
 
 /// `qcball report`.
 fn report(folder: &Path) -> Result<Ending, Failure> {
-    print(&format!("{}\n", write_pages(folder)?.display()))
+    print(&format!("{}\n", shown_path(&write_pages(folder)?)))
 }
 
 /// Whether the page of results that are written was made; if not, says so.
 fn pages_are_written(folder: &Path, written: Result<PathBuf, PageError>) -> bool {
     if let Err(error) = &written {
-        fault(&format!("{error}; the results are whole, and `qcball report {}` makes the page", folder.display()));
+        fault(&format!("{error}; the results are whole, and `qcball report {}` makes the page", shown_path(folder)));
     }
     written.is_ok()
 }
@@ -261,12 +264,17 @@ fn preview(plan: &Plan, folder: &Path) -> Result<String, Failure> {
     let (vertices, tets) = (domain.mesh().points().len(), domain.mesh().tets().len());
     let boundary = domain.boundary().vertex_mask().iter().filter(|&&on| on).count();
     let mut text: String = start.warnings.iter().map(|warning| format!("warning     {warning}\n")).collect();
-    text += &format!("run         {} ({})\nsolid       {}\n", plan.name, plan.source.path().display(), start.origin);
+    text += &format!("run         {} ({})\nsolid       {}\n", plan.name, shown_path(plan.source.path()), start.origin);
     text += &format!("mesh        {vertices} vertices ({boundary} on the boundary), {tets} tets\n");
     text +=
         &format!("start       {}: max K {:.4}, mean {:.4}, {} flipped\n", start.map.map, k.max_k, k.mean_k, k.flipped);
     text += &format!("memory      about {:.1} GiB\n", memory_of(tets) as f64 / f64::from(1 << 30));
-    Ok(text + &format!("results     would go to {}; nothing was written\n", folder.display()))
+    Ok(text + &format!("results     would go to {}; nothing was written\n", shown_path(folder)))
+}
+
+/// A config from elsewhere may name any program.
+fn tell_of_program(program: &Path) {
+    note(&format!("the config has {} run as its mesher", shown_path(program)));
 }
 
 fn run(arguments: &RunArguments) -> Result<Ending, Failure> {
@@ -279,37 +287,41 @@ fn run(arguments: &RunArguments) -> Result<Ending, Failure> {
         Task::Compare(plan) => return run_comparison(arguments, &plan),
     };
     if plan.source.text().parse::<toml::Table>().is_ok_and(|table| table.contains_key("sweep")) {
-        let config = arguments.config.display();
+        let config = shown_path(&arguments.config);
         note(&format!("this is one run, without the table [sweep]; `qcball sweep {config}` runs its cases"));
     }
     if let Some(threads) = arguments.threads {
         plan.threads = Some(usize::from(threads)).filter(|&threads| threads > 0);
     }
     let folder = arguments.out.clone().unwrap_or_else(|| PathBuf::from("results").join(&plan.name));
+    plan.program().into_iter().for_each(tell_of_program);
     if arguments.dry_run {
         plan.optimize.cancel = interrupt::cancel_on_signal();
         return print(&preview(&plan, &folder)?);
     }
     // Before hours of work, not after.
     check_folder_is_writable(&folder)?;
-    if let Some(taken) = FILES.map(|name| folder.join(name)).into_iter().find(|path| path.is_dir()) {
-        return Err(WriteError::new(&taken, std::io::ErrorKind::IsADirectory.into()).into());
-    }
-    if let MeshPlan::External(ExternalSettings { program: Some(program), .. }) = &plan.mesh {
-        note(&format!("the config has {} run as its mesher", program.display()));
-    }
+    FILES.iter().try_for_each(|name| check_file_can_be_put(&folder.join(name)))?;
     plan.optimize.cancel = interrupt::cancel_on_signal();
     let progress = Progress::new(arguments.quiet);
     let finished = experiment::run(&plan, &mut |row| progress.show(row));
     progress.finish();
     let finished = finished?;
-    write_results(&folder, &finished.report, &finished.record())?;
-    let page = pages_are_written(&folder, write_pages_of(&folder, &finished.report, &finished.record()));
+    let page = match write_results(&folder, &finished.report, &finished.record()) {
+        Ok(()) => pages_are_written(&folder, write_pages_of(&folder, &finished.report, &finished.record())),
+        Err(error) => {
+            let folder = shown_path(&folder);
+            fault(&format!(
+                "{error}; as many of the results as could be written are in {folder}, and its {INCOMPLETE} says which are missing"
+            ));
+            false
+        }
+    };
     if arguments.json {
         print(&finished.report.to_json())?;
     } else if !arguments.quiet {
         let (summary, time) = (summary(&finished.report), time_line(finished.report.achieved.times));
-        print(&format!("{summary}{time}results     {}\n", folder.display()))?;
+        print(&format!("{summary}{time}results     {}\n", shown_path(&folder)))?;
     }
     Ok(match &finished.report {
         report if report.achieved.stop == StopReason::Cancelled => Ending::Interrupted,

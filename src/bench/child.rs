@@ -3,26 +3,30 @@
 use std::ffi::OsString;
 use std::path::Path;
 use std::process::Stdio;
+use std::time::Duration;
 
-use super::{BenchError, Case, Figures, Peers};
+use super::{BenchError, Case, Figures, Peers, Processes};
 use crate::child::guarded;
 use crate::config::BenchPlan;
 
 /// The programs whose max K is a goal: when had we what they ended with?
 pub(super) const GOALS: [&str; 2] = ["qis_conf", "tinyad_k"];
 
-/// Optimizes a mesh in a new process of `program`, a `qcball`: the figures, or what that process said was wrong.
+/// How often a signal is looked for.
+const POLL: Duration = Duration::from_millis(20);
+
+/// Optimizes a mesh in a new process: the figures, or what that process said was wrong, or that it was ended.
 ///
 /// # Errors
 /// [`BenchError::Start`].
 pub(super) fn optimize_in_child(
-    program: &Path,
+    Processes { program, cancel }: &Processes,
     case: &Case,
     plan: &BenchPlan,
     threads: usize,
     peers: Option<&Peers>,
 ) -> Result<Result<Figures, String>, BenchError> {
-    let start = |source| BenchError::Start { program: program.into(), source };
+    let start = |source| BenchError::Start { program: program.clone(), source };
     let folder = tempfile::tempdir().map_err(start)?;
     let trace = folder.path().join("trace.csv");
     let mut command = guarded(&[], program, None);
@@ -39,9 +43,19 @@ pub(super) fn optimize_in_child(
     command.arg("--threads").arg(threads.to_string()).arg("--json");
     let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().map_err(start)?;
     // Waiting would close it, and end the child.
-    let held = child.stdin.take();
-    let output = child.wait_with_output().map_err(start)?;
+    let mut held = child.stdin.take();
+    let output = std::thread::scope(|scope| {
+        let waiting = scope.spawn(|| child.wait_with_output());
+        while !waiting.is_finished() {
+            std::thread::sleep(POLL);
+            if cancel.is_raised() {
+                held = None;
+            }
+        }
+        waiting.join().expect("waiting does not panic")
+    });
     drop(held);
+    let output = output.map_err(start)?;
     // 1 is a map that is still flipped: an outcome like others.
     if !matches!(output.status.code(), Some(0 | 1)) {
         let said = String::from_utf8_lossy(&output.stderr);

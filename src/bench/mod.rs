@@ -11,8 +11,9 @@ mod table;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use crate::cancel::Cancel;
 use crate::config::BenchPlan;
-use crate::mesh::io::{TetFormat, WriteError, check_folder_is_writable, write_atomically};
+use crate::mesh::io::{TetFormat, WriteError, check_file_can_be_put, shown_path, write_atomically};
 
 use child::optimize_in_child;
 pub use figures::{Figures, Reach};
@@ -28,7 +29,7 @@ const INIT: &str = "-init";
 #[derive(Debug, thiserror::Error)]
 pub enum BenchError {
     /// The folder of the meshes cannot be read.
-    #[error("cannot read the folder of meshes {}: {source}", path.display())]
+    #[error("cannot read the folder of meshes {}: {source}", shown_path(path))]
     Folder {
         /// The folder.
         path: PathBuf,
@@ -39,14 +40,14 @@ pub enum BenchError {
     #[error(
         "there is no mesh in {}; a bench takes the files NAME{REST}.mesh (or another format of tets), each with NAME{INIT}.mesh \
          as its start if that is there",
-        path.display()
+        shown_path(path)
     )]
     NoMesh {
         /// The folder.
         path: PathBuf,
     },
     /// Every mesh is left out.
-    #[error("no mesh of {} has any of {wanted:?} in its name; there are {}", path.display(), found.join(", "))]
+    #[error("no mesh of {} has any of {wanted:?} in its name; there are {}", shown_path(path), found.join(", "))]
     NoneWanted {
         /// The folder.
         path: PathBuf,
@@ -56,7 +57,7 @@ pub enum BenchError {
         found: Vec<String>,
     },
     /// Two files claim one name.
-    #[error("{} and {} are both the mesh {name}; remove one of them", first.display(), second.display())]
+    #[error("{} and {} are both the mesh {name}; remove one of them", shown_path(first), shown_path(second))]
     Twice {
         /// The name of the mesh.
         name: String,
@@ -66,7 +67,7 @@ pub enum BenchError {
         second: PathBuf,
     },
     /// The figures of other programs cannot be read.
-    #[error("{}{}: {message}", path.display(), line.map(|line| format!(":{line}")).unwrap_or_default())]
+    #[error("{}{}: {message}", shown_path(path), line.map(|line| format!(":{line}")).unwrap_or_default())]
     Peers {
         /// The file.
         path: PathBuf,
@@ -76,7 +77,7 @@ pub enum BenchError {
         message: String,
     },
     /// The program cannot be started for a mesh.
-    #[error("cannot start {} for a mesh: {source}", program.display())]
+    #[error("cannot start {} for a mesh: {source}", shown_path(program))]
     Start {
         /// The program.
         program: PathBuf,
@@ -172,12 +173,22 @@ pub struct Row {
     pub figures: Result<Figures, String>,
 }
 
-/// Optimizes the meshes one after the other, each in a process of `program`, the command `qcball`; after each, the table at `out` is written anew and `observe` sees its row.
+/// What optimizes the meshes.
+#[derive(Clone, Debug)]
+pub struct Processes {
+    /// The command `qcball`.
+    pub program: PathBuf,
+    /// Ends the process of the mesh under way, and the bench.
+    pub cancel: Cancel,
+}
+
+/// Optimizes the meshes one after the other, each in a process of its own; after each, the table at `out` is written anew and
+/// `observe` sees its row. If it is cancelled, the rows are those of the meshes before.
 ///
 /// # Errors
 /// A table that cannot be written or a process that cannot be started. What is wrong with one mesh is data in its row.
 pub fn run<E: From<BenchError> + From<WriteError>>(
-    program: &Path,
+    processes: &Processes,
     plan: &BenchPlan,
     conditions: &Conditions,
     cases: &[Case],
@@ -185,10 +196,13 @@ pub fn run<E: From<BenchError> + From<WriteError>>(
     out: &Path,
     mut observe: impl FnMut(&Row) -> Result<(), E>,
 ) -> Result<Vec<Row>, E> {
-    check_folder_is_writable(out.parent().unwrap_or(Path::new("")))?;
+    check_file_can_be_put(out)?;
     let mut rows = Vec::new();
     for case in cases {
-        let figures = optimize_in_child(program, case, plan, conditions.threads, peers)?;
+        let figures = optimize_in_child(processes, case, plan, conditions.threads, peers)?;
+        if processes.cancel.is_raised() {
+            break;
+        }
         rows.push(Row { name: case.name.clone(), radial: case.init.is_none(), figures });
         let text = table(plan, conditions, &rows, cases.len(), peers);
         write_atomically(out, |file| file.write_all(text.as_bytes()))?;

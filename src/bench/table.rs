@@ -6,6 +6,7 @@ use super::child::GOALS;
 use super::{Conditions, Figures, Peers, Row};
 use crate::config::BenchPlan;
 use crate::dilatation::lower_bound;
+use crate::mesh::io::{on_one_line, shown_path};
 use crate::report::Report;
 
 /// What stands where there is no figure.
@@ -40,11 +41,11 @@ fn head(plan: &BenchPlan, conditions: &Conditions, done: usize, cases: usize) ->
          cores)\n\
          - settings, from `{}`:\n\n\
          ```toml\n{}\n```\n\n",
-        conditions.command,
+        on_one_line(&conditions.command),
         Report::VERSION,
         Report::REVISION,
         conditions.threads,
-        plan.source.path().display(),
+        shown_path(plan.source.path()),
         plan.source.text().trim_end(),
     )
 }
@@ -60,12 +61,12 @@ fn ours(rows: &[Row]) -> String {
          |---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|---|\n",
     );
     for row in rows {
-        let name = if row.radial { format!("{} (radial start)", row.name) } else { row.name.clone() };
+        let name = cell(&row.name) + if row.radial { " (radial start)" } else { "" };
         match &row.figures {
             Ok(figures) => text += &our_row(&name, figures),
             Err(message) => {
                 let blanks = format!("{NOTHING} | ").repeat(14);
-                let _ = writeln!(text, "| {name} | {blanks}failed: {} |", message.replace('|', "\\|"));
+                let _ = writeln!(text, "| {name} | {blanks}failed: {} |", cell(message));
             }
         }
     }
@@ -115,8 +116,8 @@ fn beside_peers(rows: &[Row], peers: &Peers) -> String {
         let _ = write!(
             text,
             "| {} | {} | {} | {} | {} | {} | {} | {} | {:.1} | {} |",
-            row.name,
-            best.peer,
+            cell(&row.name),
+            cell(&best.peer),
             best.max_k,
             dilatation(figures.last.max_k),
             ratio(figures.last.max_k, best.max_k),
@@ -137,6 +138,11 @@ fn beside_peers(rows: &[Row], peers: &Peers) -> String {
         text += "\n";
     }
     text
+}
+
+/// A text from outside as a cell of the table.
+fn cell(text: &str) -> String {
+    on_one_line(text).replace('|', "\\|")
 }
 
 /// A K that may be infinite, and of a start very large.

@@ -4,10 +4,12 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::interrupt::cancel_on_signal;
 use super::output::{note, print};
 use super::{Ending, Failure};
-use crate::bench::{self, Conditions, Peers};
+use crate::bench::{self, Conditions, Peers, Processes};
 use crate::config::BenchPlan;
+use crate::mesh::io::{on_one_line, shown_path};
 
 /// The meshes and how they are optimized.
 #[derive(Debug, Args)]
@@ -39,19 +41,29 @@ pub(super) fn bench(arguments: &BenchArguments) -> Result<Ending, Failure> {
     let threads = arguments.threads.map_or(plan.threads, usize::from);
     let conditions = Conditions::now(format!("qcball {}", command.join(" ")), threads);
     let program = std::env::current_exe().unwrap_or_else(|_| "qcball".into());
+    let processes = Processes { program, cancel: cancel_on_signal() };
     let rows =
-        bench::run(&program, &plan, &conditions, &cases, peers.as_ref(), &arguments.out, |row| match &row.figures {
+        bench::run(&processes, &plan, &conditions, &cases, peers.as_ref(), &arguments.out, |row| match &row.figures {
             Ok(figures) => {
                 let max_k = figures.last.max_k.unwrap_or(f64::INFINITY);
-                print(&format!("{:<16} max K {max_k:.4}, {:.1} s, {}\n", row.name, figures.seconds, figures.stop))
-                    .map(|_| ())
+                print(&format!(
+                    "{:<16} max K {max_k:.4}, {:.1} s, {}\n",
+                    on_one_line(&row.name),
+                    figures.seconds,
+                    figures.stop
+                ))
+                .map(|_| ())
             }
             Err(message) => {
-                note(&format!("{}: {message}", row.name));
+                note(&format!("{}: {message}", on_one_line(&row.name)));
                 Ok::<(), Failure>(())
             }
         })?;
-    print(&format!("table           {}\n", arguments.out.display()))?;
+    if processes.cancel.is_raised() {
+        note(&format!("interrupted: {} of {} meshes are in the table", rows.len(), cases.len()));
+        return Ok(Ending::Interrupted);
+    }
+    print(&format!("table           {}\n", shown_path(&arguments.out)))?;
     let done = rows.iter().all(|row| row.figures.as_ref().is_ok_and(|figures| figures.last.flipped == 0));
     Ok(if done { Ending::Done } else { Ending::Unfulfilled })
 }

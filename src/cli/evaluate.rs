@@ -10,7 +10,7 @@ use super::output::{note, print};
 use super::{Ending, Failure};
 use crate::map::{Evaluator, EvaluatorError, Located, Onto, bijectivity};
 use crate::mesh::Vec3;
-use crate::mesh::io::{DataArray, Values, check_points_can_be_written, read_points, read_tet_file};
+use crate::mesh::io::{DataArray, Values, check_points_can_be_written, read_points, read_tet_file, shown_path};
 use crate::report::read_corners;
 
 /// The map, the points and what to do with them.
@@ -42,11 +42,11 @@ enum Target {
 /// Why nothing was evaluated.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum EvaluateFailure {
-    #[error("{} has no domain.vtu and image.vtu; name the folder of a run", folder.display())]
+    #[error("{} has no domain.vtu and image.vtu; name the folder of a run", shown_path(folder))]
     NoMap { folder: PathBuf },
-    #[error("{}: {message}; copy the folder as a whole, or run its config again", folder.display())]
+    #[error("{}: {message}; copy the folder as a whole, or run its config again", shown_path(folder))]
     Corners { folder: PathBuf, message: String },
-    #[error("{}: {error}", folder.display())]
+    #[error("{}: {error}", shown_path(folder))]
     Map { folder: PathBuf, error: EvaluatorError },
 }
 
@@ -110,5 +110,5 @@ pub(super) fn evaluate(arguments: &EvaluateArguments) -> Result<Ending, Failure>
     ];
     table.write(out, &columns, &data)?;
     let outside = inside.iter().filter(|&&inside| !inside).count();
-    print(&format!("{} points, {outside} of them outside; {}\n", inside.len(), out.display()))
+    print(&format!("{} points, {outside} of them outside; {}\n", inside.len(), shown_path(out)))
 }

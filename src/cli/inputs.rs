@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use super::Failure;
 use super::output::note;
 use crate::experiment::GivenMap;
+use crate::mesh::io::shown_path;
 
 /// Parses a positive number below 1e9.
 pub(super) fn positive(text: &str) -> Result<f64, String> {
@@ -23,7 +24,7 @@ pub(super) fn read_map(rest: &Path, image: &Path) -> Result<GivenMap, Failure> {
             "{} of {} tets of {} were stored with negative orientation; two vertices of each were exchanged",
             map.exchanged,
             map.domain.mesh().tets().len(),
-            rest.display()
+            shown_path(rest)
         ));
     }
     Ok(map)
@@ -31,7 +32,7 @@ pub(super) fn read_map(rest: &Path, image: &Path) -> Result<GivenMap, Failure> {
 
 /// Tells what reading did to a file.
 pub(super) fn tell(path: &Path, notes: &[String]) {
-    notes.iter().for_each(|text| note(&format!("{}: {text}", path.display())));
+    notes.iter().for_each(|text| note(&format!("{}: {text}", shown_path(path))));
 }
 
 /// Fails if an output is one of the inputs.

@@ -10,7 +10,7 @@ use super::{Ending, Failure};
 use crate::dilatation::Dilatation;
 use crate::map::AnalyticMap;
 use crate::map::analytic::{Caraman, CaramanError, MapError};
-use crate::mesh::io::{CellData, check_tets_can_be_written, read_tets, write_tets};
+use crate::mesh::io::{CellData, check_tets_can_be_written, read_tets, shown_path, write_tets};
 use crate::mesh::{Boundary, MeshError, Orientation, TetMesh, TetSoup, TopologyError, Vec3, orientation};
 use crate::solid::{Surface, SurfaceError};
 
@@ -31,15 +31,15 @@ pub(crate) struct MapArguments {
 pub(crate) enum MapFailure {
     #[error("{0}")]
     Map(#[from] MapError),
-    #[error("{}: vertex {vertex} (counted from 0): {error}", path.display())]
+    #[error("{}: vertex {vertex} (counted from 0): {error}", shown_path(path))]
     Vertex { path: PathBuf, vertex: usize, error: MapError },
-    #[error("{}: {error}", path.display())]
+    #[error("{}: {error}", shown_path(path))]
     Mesh { path: PathBuf, error: MeshError },
-    #[error("{}: {error}", path.display())]
+    #[error("{}: {error}", shown_path(path))]
     Topology { path: PathBuf, error: TopologyError },
-    #[error("{}: the boundary of the mesh: {error}", path.display())]
+    #[error("{}: the boundary of the mesh: {error}", shown_path(path))]
     Surface { path: PathBuf, error: SurfaceError },
-    #[error("{}: the boundary of the mesh: {error}", path.display())]
+    #[error("{}: the boundary of the mesh: {error}", shown_path(path))]
     Caraman { path: PathBuf, error: CaramanError },
 }
 
@@ -48,7 +48,7 @@ pub(super) fn map(arguments: &MapArguments) -> Result<Ending, Failure> {
     let (parameters, [input, output]) = arguments.words.split_last_chunk().expect("clap takes two words at least");
     let (input, output) = (&PathBuf::from(input), &PathBuf::from(output));
     if input.to_string_lossy().contains('=') && !input.exists() {
-        let message = format!("{} is a parameter: name the mesh IN and the file OUT after them", input.display());
+        let message = format!("{} is a parameter: name the mesh IN and the file OUT after them", shown_path(input));
         return Err(MapFailure::from(MapError::Words(message)).into());
     }
     check_tets_can_be_written(output)?;

@@ -16,6 +16,7 @@ use crate::dilatation::number;
 use crate::estimate::{self, Estimate, EstimateSummary, Estimator, Weights};
 use crate::experiment::{GivenMap, RunError};
 use crate::measure::{BallDilatation, Summary, measure_onto_ball};
+use crate::mesh::io::shown_path;
 use crate::report::{BallFigures, BestBound, Limit, ball_lines, bounds_table, dilatations, to_json, write_certificate};
 
 /// The map, and whether to estimate as well.
@@ -178,7 +179,7 @@ pub(super) fn bound_map(arguments: &BoundArguments) -> Result<Ending, Failure> {
         }
         bounds.extend(bound);
     }
-    let files = format!("{} and {}", rest.display(), arguments.map.image.display());
+    let files = format!("{} and {}", shown_path(rest), shown_path(&arguments.map.image));
     confront(&bounds, &domain, &image, &summary, &files).map_err(RunError::from)?;
     bounds.iter_mut().for_each(|bound| bound.place = bound.place.take().map(|place| unit.give_back_place(place)));
     let best = BestBound::of(&bounds, max_k);

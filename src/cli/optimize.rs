@@ -7,13 +7,13 @@ use clap::Args;
 
 use super::inputs::{positive, read_map, refuse_to_write_over};
 use super::interrupt::cancel_on_signal;
-use super::output::print;
+use super::output::{fault, print};
 use super::progress::Progress;
 use super::{Ending, Failure};
 use crate::cancel::Cancel;
 use crate::config::optimize_settings;
 use crate::experiment::{RunError, on_threads, optimize_map, read_locks};
-use crate::mesh::io::{CellData, check_tets_can_be_written, write_tets};
+use crate::mesh::io::{CellData, WriteError, check_file_can_be_put, check_tets_can_be_written, shown_path, write_tets};
 use crate::optimize::{BoundaryValues, Engine, Objective, OptimizeSettings, Polish, StopReason};
 use crate::report::{map_summary, to_json, write_trace};
 
@@ -78,6 +78,9 @@ pub(crate) struct OptimizeArguments {
 pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure> {
     check_tets_can_be_written(&arguments.out)?;
     check_inputs_are_kept(arguments)?;
+    for file in [Some(&arguments.out), arguments.trace.as_ref()].into_iter().flatten() {
+        check_file_can_be_put(file)?;
+    }
     let from_config = arguments.config.as_deref().map(optimize_settings).transpose()?;
     let map = read_map(&arguments.rest, &arguments.init)?;
     let fixed = match &arguments.lock {
@@ -103,31 +106,29 @@ pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure>
         optimize_map(map, fixed, arguments.keep_mesh, &settings, &mut |row| progress.show(row))
     })?;
     progress.finish();
-    let origin = arguments.rest.display().to_string();
+    let origin = shown_path(&arguments.rest);
     let optimized = optimized.map_err(RunError::at(&origin))?;
     let tets = optimized.domain.mesh().tets();
-    let mut written = arguments.out.display().to_string();
+    let mut files = shown_path(&arguments.out);
+    // What one file lacks the room for another may still have; the image is what cannot be had again without the computation.
+    let mut written = vec![write_tets(&arguments.out, &optimized.positions, tets, &CellData::new())];
     if optimized.report.achieved.splits.is_some() {
         // The image has vertices that REST lacks: the domain it belongs to goes beside it.
         let domain = beside(&arguments.out);
-        write_tets(
-            &domain,
-            &optimized.unit.give_back_points(optimized.domain.mesh().points()),
-            tets,
-            &CellData::new(),
-        )?;
-        written = format!("{written}, the split domain in {}", domain.display());
+        let points = optimized.unit.give_back_points(optimized.domain.mesh().points());
+        written.push(write_tets(&domain, &points, tets, &CellData::new()));
+        files = format!("{files}, the split domain in {}", shown_path(&domain));
     }
-    if let Some(path) = &arguments.trace {
-        write_trace(path, &optimized.trace)?;
-    }
-    write_tets(&arguments.out, &optimized.positions, tets, &CellData::new())?;
+    written.extend(arguments.trace.as_ref().map(|path| write_trace(path, &optimized.trace)));
+    let faults: Vec<WriteError> = written.into_iter().filter_map(Result::err).collect();
+    faults.iter().for_each(|error| fault(&format!("{error}; the optimization itself came to its end")));
     if arguments.json {
         print(&to_json(&optimized.report))?;
     } else if !arguments.quiet {
-        print(&format!("{}image       {written}\n", map_summary(&optimized.report)))?;
+        print(&format!("{}image       {files}\n", map_summary(&optimized.report)))?;
     }
     Ok(match &optimized.report {
+        _ if !faults.is_empty() => Ending::Unfulfilled,
         report if report.achieved.stop == StopReason::Cancelled => Ending::Interrupted,
         report if report.achieved.last.flipped == 0 => Ending::Done,
         _ => Ending::Unfulfilled,

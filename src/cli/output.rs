@@ -8,14 +8,15 @@ use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
 
 use super::{Ending, Failure};
 use crate::config::ConfigError;
+use crate::mesh::io::is_harmful;
 
 /// The text as a terminal may show it: names from files and configs may hold anything.
 fn printable(text: &str) -> Cow<'_, str> {
-    let is_harmful = |c: char| c.is_control() && c != '\n' && c != '\t';
-    if !text.contains(is_harmful) {
+    let is_escaped = |c: char| is_harmful(c) && c != '\n' && c != '\t';
+    if !text.contains(is_escaped) {
         return Cow::Borrowed(text);
     }
-    text.chars().map(|c| if is_harmful(c) { c.escape_default().to_string() } else { c.to_string() }).collect()
+    text.chars().map(|c| if is_escaped(c) { c.escape_default().to_string() } else { c.to_string() }).collect()
 }
 
 /// Prints to standard output; unlike `print!`, a closed pipe is an error value and no panic.

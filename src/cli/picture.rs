@@ -8,7 +8,7 @@ use super::inputs::{read_map, refuse_to_write_over, tell};
 use super::output::print;
 use super::{Ending, Failure};
 use crate::mesh::TetMesh;
-use crate::mesh::io::{ReadError, read_tets};
+use crate::mesh::io::{ReadError, read_tets, shown_path};
 use crate::picture::{BoundaryFigures, Colour, Cut, Picture, PictureError, PictureSettings};
 
 /// The meshes, what is shown, and the file.
@@ -33,15 +33,16 @@ pub(crate) struct PictureArguments {
 /// Why nothing was drawn.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum PictureFailure {
-    #[error("{}: a picture is written as .png, the boundary with its figures as .vtu", path.display())]
+    #[error("{}: a picture is written as .png, the boundary with its figures as .vtu", shown_path(path))]
     Ending { path: PathBuf },
-    #[error("{}: {error}", path.display())]
+    #[error("{}: {error}", shown_path(path))]
     Picture { path: PathBuf, error: PictureError },
-    #[error("{}: it shows the whole boundary; leave out --{option}, or write a .png", path.display())]
+    #[error("{}: it shows the whole boundary; leave out --{option}, or write a .png", shown_path(path))]
     Option { path: PathBuf, option: &'static str },
     #[error(
         "{}: it holds a mesh of tets, which the boundary's figures would be written over; name another file to be written, after \
-         REST and IMAGE", path.display()
+         REST and IMAGE",
+        shown_path(path)
     )]
     OverMesh { path: PathBuf },
 }
@@ -86,7 +87,7 @@ pub(super) fn picture(arguments: &PictureArguments) -> Result<Ending, Failure> {
         };
         Picture::draw(cells, points, image.as_deref(), &settings).map_err(at)?.write_png(out)?;
     }
-    print(&format!("{}\n", out.display()))
+    print(&format!("{}\n", shown_path(out)))
 }
 
 fn read_mesh(path: &Path) -> Result<TetMesh, Failure> {

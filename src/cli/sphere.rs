@@ -9,7 +9,7 @@ use super::output::{note, print};
 use super::{Ending, Failure};
 use crate::dilatation::number;
 use crate::mesh::PolygonSoup;
-use crate::mesh::io::{check_surface_can_be_written, read_surface, write_surface};
+use crate::mesh::io::{check_surface_can_be_written, read_surface, shown_path, write_surface};
 use crate::report::to_json;
 use crate::solid::{Surface, SurfaceError};
 use crate::sphere::{SphereDistortion, SphereError, SphereSettings, sphere_map};
@@ -35,9 +35,9 @@ pub(crate) struct SphereArguments {
 /// Why no map was written.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum SphereFailure {
-    #[error("{}: {error}", path.display())]
+    #[error("{}: {error}", shown_path(path))]
     Surface { path: PathBuf, error: SurfaceError },
-    #[error("{}: {error}", path.display())]
+    #[error("{}: {error}", shown_path(path))]
     Sphere { path: PathBuf, error: SphereError },
 }
 

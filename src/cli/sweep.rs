@@ -1,6 +1,6 @@
 //! `qcball sweep CONFIG.toml`.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::io::{IsTerminal, stderr};
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
@@ -9,9 +9,9 @@ use clap::{Args, ValueEnum};
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::output::{fault, note, print};
-use super::{Ending, Failure, interrupt, pages_are_written};
+use super::{Ending, Failure, interrupt, pages_are_written, tell_of_program};
 use crate::experiment;
-use crate::mesh::io::WriteError;
+use crate::mesh::io::{WriteError, shown_path};
 use crate::report::{Report, write_pages};
 use crate::sweep::{
     Case, Ended, Event, Shard, SlurmJob, State, Sweep, SweepFolder, SweepSettings, Tally, run, write_index, write_slurm,
@@ -88,6 +88,7 @@ pub(super) fn sweep(arguments: &SweepArguments) -> Result<Ending, Failure> {
         let tally = write_index(&sweep, &folder)?;
         return end(arguments, tally, &folder, Some("index.csv"));
     }
+    cases.iter().filter_map(|case| case.plan.program()).collect::<BTreeSet<_>>().into_iter().for_each(tell_of_program);
     if arguments.fresh {
         cases.iter().try_for_each(|case| folder.forget(&case.id))?;
     }
@@ -143,9 +144,9 @@ fn end(arguments: &SweepArguments, tally: Tally, folder: &SweepFolder, index: Op
             let count = tally.other_revision;
             words += &format!(", {count} of them by another revision of qcball (--renew computes those anew)");
         }
-        words += &format!("\nresults     {}\n", path.display());
+        words += &format!("\nresults     {}\n", shown_path(&path));
         if index.is_some() && page {
-            words += &format!("page        {}\n", folder.path().join("report.html").display());
+            words += &format!("page        {}\n", shown_path(&folder.path().join("report.html")));
         }
         print(&words)?;
     }
@@ -161,7 +162,7 @@ fn list(sweep: &Sweep, cases: &[&Case], folder: &SweepFolder) -> String {
         text += &format!("{:>5}  {}  {state:<10}  {}{by}\n", case.number, case.id, case.in_words());
     }
     let done = cases.iter().filter(|case| folder.state(&case.id) == State::Done).count();
-    text + &format!("{} of {} cases, {done} done, in {}\n", cases.len(), sweep.cases.len(), folder.path().display())
+    text + &format!("{} of {} cases, {done} done, in {}\n", cases.len(), sweep.cases.len(), shown_path(folder.path()))
 }
 
 fn emit(arguments: &SweepArguments, sweep: &Sweep, folder: &SweepFolder) -> Result<Ending, Failure> {
@@ -175,7 +176,12 @@ fn emit(arguments: &SweepArguments, sweep: &Sweep, folder: &SweepFolder) -> Resu
         tasks: tasks.min(sweep.cases.len()),
     };
     let submit = write_slurm(&job, folder)?;
-    print(&format!("{} cases in {} tasks; submit them with\nsh {}\n", sweep.cases.len(), job.tasks, submit.display()))
+    print(&format!(
+        "{} cases in {} tasks; submit them with\nsh {}\n",
+        sweep.cases.len(),
+        job.tasks,
+        shown_path(&submit)
+    ))
 }
 
 /// Bars on a terminal, a line for each case that ends elsewhere.

@@ -4,12 +4,14 @@ use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+use crate::mesh::io::shown_path;
+
 /// What is wrong with a config or with an override of it.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ConfigError {
     /// The operating system refused: no such file, a directory, not UTF-8.
-    #[error("cannot read the config {}: {source}", path.display())]
+    #[error("cannot read the config {}: {source}", shown_path(path))]
     Read {
         /// The file.
         path: PathBuf,
@@ -19,7 +21,7 @@ pub enum ConfigError {
         help: String,
     },
     /// The file's text is at fault.
-    #[error("{}{}: {message}", path.display(), line.map(|l| format!(":{l}")).unwrap_or_default())]
+    #[error("{}{}: {message}", shown_path(path), line.map(|l| format!(":{l}")).unwrap_or_default())]
     Content {
         /// The file.
         path: PathBuf,

@@ -13,7 +13,7 @@ use super::{Config, ConfigSource, DomainTable, MapKind, ObjectiveName, OptimizeT
 use crate::bound::certificate::DEFAULT_TIME_LIMIT;
 use crate::map::CornerChoice;
 use crate::mesh::Unit;
-use crate::mesh::io::{ReadError, SolidFile, SurfaceFormat, TetFormat, read_solid};
+use crate::mesh::io::{ReadError, SolidFile, SurfaceFormat, TetFormat, read_solid, shown_path};
 use crate::optimize::{Objective, OptimizeSettings, Polish};
 use crate::solid::{CentreChoice, ExternalSettings, Refinement, RepairSettings, ShellSettings, Solid};
 
@@ -63,7 +63,7 @@ impl std::fmt::Display for DomainSource {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Solid(solid) => write!(f, "{solid}"),
-            Self::Surface(path) | Self::Mesh(path) => write!(f, "{}", path.display()),
+            Self::Surface(path) | Self::Mesh(path) => write!(f, "{}", shown_path(path)),
         }
     }
 }
@@ -76,6 +76,14 @@ impl Plan {
     pub fn read(path: &Path, overrides: &[String]) -> Result<Self, ConfigError> {
         let (source, config) = ConfigSource::read(path, overrides)?;
         Self::of_source(&source, &config)
+    }
+
+    /// The program that the config itself names as its mesher: one from elsewhere may name any.
+    pub fn program(&self) -> Option<&Path> {
+        match &self.mesh {
+            MeshPlan::External(ExternalSettings { program, .. }) => program.as_deref(),
+            MeshPlan::Auto { .. } | MeshPlan::Shell(_) | MeshPlan::Flag(_) => None,
+        }
     }
 
     /// The same of a config that was read.
@@ -182,7 +190,7 @@ fn domain(config_path: &Path, config: &Config) -> Result<DomainSource, Fault> {
             let path = config_path.parent().unwrap_or(Path::new("")).join(file);
             if !path.is_file() {
                 let why = if path.exists() { "is not a file" } else { "does not exist" };
-                let message = format!("the file {} {why}", path.display());
+                let message = format!("the file {} {why}", shown_path(&path));
                 return Err(Fault::at(&["domain", "file"], message, "paths are relative to the config file"));
             }
             let is_surface = SurfaceFormat::of(&path).is_some();

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use crate::bound::Contradiction;
 use crate::map::analytic::MapError;
 use crate::map::{CornerError, RayError};
-use crate::mesh::io::ReadError;
+use crate::mesh::io::{ReadError, shown_path};
 use crate::mesh::{MeshError, TopologyError};
 use crate::optimize::OptimizeError;
 use crate::solid::{CentreError, ExternalError, FlagError, ShellError, SolidError, SurfaceError};
@@ -35,8 +35,8 @@ pub enum RunError {
     #[error(
         "{} and {} are not meshes with the same connectivity: {difference}; a map is given by a mesh and the same mesh with \
          moved vertices",
-        rest.display(),
-        image.display()
+        shown_path(rest),
+        shown_path(image)
     )]
     Mismatch {
         /// The domain's file.

@@ -15,6 +15,7 @@ use crate::config::Plan;
 use crate::domain::Domain;
 use crate::map::Corners;
 use crate::measure::Measured;
+use crate::mesh::io::shown_path;
 use crate::mesh::{TetId, Unit, Vec3};
 use crate::optimize::{Outcome, StopReason, Tangled, TraceRow, Untangled};
 use crate::report::{MapRecord, Report, Times, UntanglingFigures, trace_hash};
@@ -83,14 +84,29 @@ pub fn run(plan: &Plan, observe: &mut (dyn FnMut(&TraceRow) + Send)) -> Result<F
 /// The most threads that are started, whoever asks for more.
 const MOST_THREADS: usize = 1024;
 
+/// What rayon itself takes from the environment, or one a core where that is absurd. Never 0, at which rayon would look there
+/// again.
+fn threads_of_environment() -> usize {
+    let asked = std::env::var("RAYON_NUM_THREADS").ok().and_then(|text| text.parse().ok());
+    let cores = || std::thread::available_parallelism().map_or(1, usize::from);
+    asked.filter(|asked| (1..=MOST_THREADS).contains(asked)).unwrap_or_else(cores)
+}
+
+/// Keeps rayon from starting as many threads as an absurd environment asks for where no pool was asked for. To be called once,
+/// before anything runs in parallel.
+pub(crate) fn heed_environment() {
+    if std::env::var_os("RAYON_NUM_THREADS").is_some() {
+        // It fails only if there is a pool already, which is none the worse.
+        let _ = rayon::ThreadPoolBuilder::new().num_threads(threads_of_environment()).build_global();
+    }
+}
+
 /// Does a job on a pool of that many threads; 0 for all cores.
 ///
 /// # Errors
 /// [`RunError::Threads`].
 pub fn on_threads<T: Send>(threads: usize, job: impl FnOnce() -> T + Send) -> Result<T, RunError> {
-    // What rayon itself would take from the environment, within the same limit.
-    let from_environment = || std::env::var("RAYON_NUM_THREADS").ok().and_then(|text| text.parse().ok());
-    let asked = if threads == 0 { from_environment().unwrap_or(0) } else { threads };
+    let asked = if threads == 0 { threads_of_environment() } else { threads };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(asked.min(MOST_THREADS)).build();
     let pool = pool.map_err(|error| RunError::Threads { threads, message: error.to_string() })?;
     Ok(pool.install(job))
@@ -113,7 +129,7 @@ fn stages(plan: &Plan, observe: &mut dyn FnMut(&TraceRow)) -> Result<Finished, R
     let search = |limit| certificate::search(domain, &outcome.positions, &cancel.within(limit));
     let certificate = plan.certify.and_then(search);
     let bounds = bounds(&start, &outcome.positions, certificate.as_ref(), cancel);
-    let files = format!("{} and the files it names", plan.source.path().display());
+    let files = format!("{} and the files it names", shown_path(plan.source.path()));
     confront(&bounds, domain, &outcome.positions, &measured.summary, &files)?;
     let flipped = measured_initial.summary.flipped;
     let course = Course {

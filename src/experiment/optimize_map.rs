@@ -9,7 +9,7 @@ use super::record::Course;
 use crate::bound::{self, confront};
 use crate::domain::Domain;
 use crate::measure::measure_onto_ball;
-use crate::mesh::io::{ReadError, read_tets};
+use crate::mesh::io::{ReadError, read_tets, shown_path};
 use crate::mesh::{TetMesh, TetSoup, Unit, Vec3, full_boundary};
 use crate::optimize::{BoundaryValues, Freed, OptimizeSettings, Tangled, TraceRow};
 use crate::report::{BallFigures, MapReport, Splits, Times, UntanglingFigures};
@@ -49,7 +49,7 @@ impl GivenMap {
             soup.points = unit.take_points(&soup.points);
             unit
         });
-        let origin = rest.display().to_string();
+        let origin = shown_path(rest);
         let (mesh, exchanged) =
             TetMesh::from_either_orientation(first.points, first.tets).map_err(RunError::at(&origin))?;
         let domain = Domain::any_topology(mesh).map_err(RunError::at(&origin))?;

@@ -9,7 +9,7 @@ use crate::config::{DomainSource, InitialMap, MeshPlan, Plan};
 use crate::domain::Domain;
 use crate::map::{AnalyticMap, Corners, RadialCoordinates, RayEnd, caraman, spherical_starts};
 use crate::measure::{Measured, measure_elements, measure_onto_ball};
-use crate::mesh::io::{ReadError, SolidFile, read_solid, read_surface};
+use crate::mesh::io::{ReadError, SolidFile, read_solid, read_surface, shown_path};
 use crate::mesh::{Orientation, PolygonSoup, TetMesh, TetSoup, Unit, Vec3, full_boundary, orientation};
 use crate::optimize::Freed;
 use crate::report::{MapFigures, RefinementFigures, Splits};
@@ -126,7 +126,7 @@ impl Start {
     fn of_file(self, path: &Path, unit: Unit) -> Result<Self, RunError> {
         let rest = Unit::of(self.domain.mesh().points());
         Ok(Self {
-            origin: path.display().to_string(),
+            origin: shown_path(path),
             input_hash: Some(hash_of(path)?),
             domain: self.domain.in_unit(rest),
             units: [unit.times(rest), self.units[1]],
@@ -389,7 +389,7 @@ fn surface_of(mut soup: PolygonSoup, path: &Path, plan: &Plan) -> Result<(Surfac
 /// A file in an error, which may name places.
 fn named(path: &Path, unit: Unit) -> String {
     let counted = if unit.is_one() { String::new() } else { format!(" (lengths counted in {unit})") };
-    path.display().to_string() + &counted
+    shown_path(path) + &counted
 }
 
 /// blake3 of a file.

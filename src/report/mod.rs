@@ -16,7 +16,7 @@ pub use figures::{
 };
 pub use html::{PageError, write_pages, write_pages_of};
 pub use limit::{Limit, LimitedBy};
-pub(crate) use results::{CellRow, FILES, START, trace_hash};
+pub(crate) use results::{CellRow, FILES, INCOMPLETE, START, trace_hash};
 pub use results::{MapRecord, write_certificate, write_results, write_trace};
 pub(crate) use summary::{ball_lines, bounds_table, dilatations};
 pub use summary::{map_summary, summary, time_line};

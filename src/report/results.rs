@@ -19,6 +19,12 @@ use crate::optimize::TraceRow;
 
 /// The files of a run, but for `certificate.json`, which not every run has; the record comes last.
 pub(crate) const FILES: [&str; 6] = ["trace.csv", "cells.csv", "domain.vtu", "image.vtu", "summary.txt", "report.json"];
+/// The record, which comes last.
+const REPORT: &str = "report.json";
+/// What proves the best bound.
+const CERTIFICATE: &str = "certificate.json";
+/// In a folder that lacks something: what.
+pub(crate) const INCOMPLETE: &str = "incomplete.txt";
 /// The name of the image positions started from, on the points of both meshes.
 pub(crate) const START: &str = "start_position";
 
@@ -51,42 +57,83 @@ pub struct MapRecord<'a> {
 /// missing, `corners.csv` if the map has corners and `certificate.json` if there is a certificate; those of an earlier run are
 /// removed.
 ///
-/// The report comes last: where it stands, the rest does.
+/// The report comes last: where it stands, the rest does. Until then `incomplete.txt` says that something is missing. It
+/// stays if a file could not be written, says which, and as many of the others as can be are there.
 ///
 /// # Errors
 /// The first file that could not be written, and why.
 pub fn write_results(folder: &Path, report: &Report, record: &MapRecord) -> Result<(), WriteError> {
-    write_trace(&folder.join("trace.csv"), record.trace)?;
+    let under_way = "The results are being written, or what wrote them was ended. Until report.json is there and this file is \
+                     gone, files are missing or of an earlier run.\n";
+    let incomplete = folder.join(INCOMPLETE);
+    write_text(&incomplete, under_way)?;
+    remove(&folder.join(REPORT))?;
+    let faults = write_files(folder, report, record);
+    let mut missing: Vec<&str> = faults.iter().map(|(name, _)| *name).filter(|name| *name != REPORT).collect();
+    missing.push(REPORT);
+    let mut said = format!("The results are not whole. Missing: {}.\n", missing.join(", "));
+    faults.iter().for_each(|(_, error)| said += &format!("{error}\n"));
+    match faults.into_iter().next() {
+        None => remove(&incomplete),
+        Some((_, error)) => {
+            // Where there is no room for this either, the first words still hold.
+            let _ = write_text(&incomplete, &said);
+            Err(error)
+        }
+    }
+}
+
+/// The files but for the mark; those that could not be written, in whose place nothing is then left.
+fn write_files(folder: &Path, report: &Report, record: &MapRecord) -> Vec<(&'static str, WriteError)> {
     let cells = Cells::of(record);
-    write_csv(&folder.join("cells.csv"), cells.rows(record))?;
     let mut data = cells.arrays().to_vec();
     let cones = record.corners.map(cone_numbers);
     data.extend(cones.as_ref().map(|cones| DataArray { name: CONE, values: Values::Scalars(cones) }));
     let [unit, of_image] = record.units;
     let points = &unit.give_back_points(record.domain.mesh().points());
     let [start, image] = &[record.initial, record.image].map(|positions| of_image.give_back_points(positions));
-    for (name, shown, other_name, other) in
-        [("domain.vtu", points, "image_position", image), ("image.vtu", image, "domain_position", points)]
-    {
+    let mesh = |name: &str, shown: &[Vec3], other_name, other| {
         let point_data = [
             DataArray { name: "boundary", values: Values::Flags(cells.on_boundary) },
             DataArray { name: other_name, values: Values::Vectors(other) },
             DataArray { name: START, values: Values::Vectors(start) },
         ];
-        write_vtu(&folder.join(name), shown, record.domain.mesh().tets(), &point_data, &data)?;
+        write_vtu(&folder.join(name), shown, record.domain.mesh().tets(), &point_data, &data)
+    };
+    let [corners, certificate] = [CORNERS, CERTIFICATE].map(|name| folder.join(name));
+    // On a disk that fills up, the image is what cannot be had again without the whole computation.
+    let written = [
+        ("image.vtu", mesh("image.vtu", image, "domain_position", points)),
+        ("domain.vtu", mesh("domain.vtu", points, "image_position", image)),
+        (CORNERS, record.corners.map_or_else(|| remove(&corners), |found| write_csv(&corners, cone_rows(found)))),
+        (
+            CERTIFICATE,
+            record.certificate.map_or_else(|| remove(&certificate), |found| write_certificate(&certificate, found)),
+        ),
+        ("trace.csv", write_trace(&folder.join("trace.csv"), record.trace)),
+        ("cells.csv", write_csv(&folder.join("cells.csv"), cells.rows(record))),
+        ("summary.txt", write_text(&folder.join("summary.txt"), &summary(report))),
+    ];
+    let mut faults: Vec<(&str, WriteError)> =
+        written.into_iter().filter_map(|(name, written)| Some((name, written.err()?))).collect();
+    if faults.is_empty() {
+        faults.extend(write_text(&folder.join(REPORT), &report.to_json()).err().map(|error| (REPORT, error)));
     }
-    let corners = folder.join(CORNERS);
-    match record.corners {
-        Some(corners_of_map) => write_csv(&corners, cone_rows(corners_of_map))?,
-        None => drop(std::fs::remove_file(&corners)),
+    // What an earlier run left under these names would pass for this one's; if it cannot be removed, the mark tells.
+    faults.iter().for_each(|(name, _)| drop(remove(&folder.join(name))));
+    faults
+}
+
+fn write_text(path: &Path, text: &str) -> Result<(), WriteError> {
+    write_atomically(path, |file| file.write_all(text.as_bytes()))
+}
+
+/// Removes a file, if there is one.
+fn remove(path: &Path) -> Result<(), WriteError> {
+    match std::fs::remove_file(path) {
+        Err(source) if source.kind() != io::ErrorKind::NotFound => Err(WriteError::new(path, source)),
+        _ => Ok(()),
     }
-    let certificate = folder.join("certificate.json");
-    match record.certificate {
-        Some(found) => write_certificate(&certificate, found)?,
-        None => drop(std::fs::remove_file(&certificate)),
-    }
-    write_atomically(&folder.join("summary.txt"), |file| file.write_all(summary(report).as_bytes()))?;
-    write_atomically(&folder.join("report.json"), |file| file.write_all(report.to_json().as_bytes()))
 }
 
 /// blake3 of a trace as CSV with all seconds 0, so that it is the same on any machine.
@@ -111,7 +158,7 @@ pub fn write_trace(path: &Path, trace: &[TraceRow]) -> Result<(), WriteError> {
 /// # Errors
 /// The file and why it could not be written.
 pub fn write_certificate(path: &Path, certificate: &Certificate) -> Result<(), WriteError> {
-    write_atomically(path, |file| file.write_all(certificate.to_json().as_bytes()))
+    write_text(path, &certificate.to_json())
 }
 
 impl MapRecord<'_> {

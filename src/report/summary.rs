@@ -8,6 +8,7 @@ use crate::bound::{Kind, LowerBound, Scope};
 use crate::dilatation::{lower_bound, number, upper_bound};
 use crate::measure::{Bottleneck, Summary};
 use crate::mesh::Place;
+use crate::mesh::io::on_one_line;
 use crate::optimize::StopReason;
 
 /// The width that a text is wrapped to.
@@ -201,7 +202,8 @@ fn labelled(label: &str, text: &str) -> String {
     const INDENT: usize = 12;
     let mut lines = format!("{label:<INDENT$}");
     let mut column = INDENT;
-    for (index, word) in text.split(' ').enumerate() {
+    // Names of files and overrides are among the words.
+    for (index, word) in on_one_line(text).split(' ').enumerate() {
         let width = word.chars().count();
         if index > 0 && column + 1 + width > COLUMNS {
             lines.push_str(&format!("\n{:INDENT$}", ""));

@@ -13,7 +13,7 @@ use crate::measure::{Measured, Summary};
 use crate::mesh::io::{TetFile, read_tet_file};
 use crate::mesh::{TetId, TetMesh, Unit, Vec3};
 use crate::optimize::TraceRow;
-use crate::report::{CORNERS, CellRow, FILES, MapRecord, Report, START, read_corners, write_results};
+use crate::report::{CORNERS, CellRow, FILES, INCOMPLETE, MapRecord, Report, START, read_corners, write_results};
 
 /// What to do about a file that is missing or broken.
 const REMEDY: &str = "copy it from where it was written, or run the config again";
@@ -49,6 +49,8 @@ pub(super) fn report_text(folder: &Path) -> Result<String, VerifyError> {
             VerifyError::Sweep { folder: folder.into() }
         } else if has("table.md") {
             VerifyError::Tables { folder: folder.into() }
+        } else if has(INCOMPLETE) {
+            refuse(format!("its files are not all there, as its {INCOMPLETE} says"))
         } else {
             refuse(format!("its report.json cannot be read ({error})"))
         }

@@ -24,11 +24,13 @@ use serde::Serialize;
 
 use files::Files;
 
+use crate::mesh::io::{on_one_line, shown_path};
+
 /// Why a folder cannot be checked at all.
 #[derive(Debug, thiserror::Error)]
 pub enum VerifyError {
     /// There is no report.
-    #[error("{} is not the folder of a run: {message}; name one that `qcball run` wrote", folder.display())]
+    #[error("{} is not the folder of a run: {message}; name one that `qcball run` wrote", shown_path(folder))]
     NoReport {
         /// The folder.
         folder: PathBuf,
@@ -39,14 +41,17 @@ pub enum VerifyError {
     #[error(
         "{0} is the folder of a sweep; verify its cases one by one, for example `qcball verify {0}/cases/ID` with an id from \
          index.csv",
-        folder.display()
+        shown_path(folder)
     )]
     Sweep {
         /// The folder.
         folder: PathBuf,
     },
     /// The folder of a comparison of maps in closed form.
-    #[error("{} holds the tables of a config with [analytic], which are not verified: only runs of [domain] are", folder.display())]
+    #[error(
+        "{} holds the tables of a config with [analytic], which are not verified: only runs of [domain] are",
+        shown_path(folder)
+    )]
     Tables {
         /// The folder.
         folder: PathBuf,
@@ -141,13 +146,13 @@ impl fmt::Display for Verification {
             writeln!(f, "{verdict}  {}", check.what)?;
         }
         for discrepancy in self.discrepancies.iter().take(NAMED) {
-            writeln!(f, "differs     {discrepancy}")?;
+            writeln!(f, "differs     {}", on_one_line(discrepancy))?;
         }
         if self.discrepancies.len() > NAMED {
             writeln!(f, "            and {} more; --json lists all", self.discrepancies.len() - NAMED)?;
         }
         for what in &self.trusted {
-            writeln!(f, "trusted     {what}")?;
+            writeln!(f, "trusted     {}", on_one_line(what))?;
         }
         if let Some(upper) = self.max_k_upper {
             writeln!(f, "max K <= {upper} for exactly the positions in image.vtu")?;

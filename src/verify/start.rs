@@ -8,6 +8,7 @@ use crate::config::{Config, ConfigSource, DomainSource, InitialMap, MeshPlan, Pl
 use crate::experiment::{RunError, Start};
 use crate::map::{CornerChoice, Corners};
 use crate::mesh::Vec3;
+use crate::mesh::io::shown_path;
 use crate::optimize::BoundaryValues;
 use crate::solid::StarCentre;
 
@@ -148,7 +149,7 @@ fn make(plan: &Plan, files: &Files, findings: &mut Findings) -> Result<Start, Ru
 /// The config's file of the domain, if it is not where the config says.
 fn missing(source: &ConfigSource, config: &Config) -> Option<String> {
     let path = source.path().parent().unwrap_or(Path::new("")).join(config.domain.file.as_ref()?);
-    (!path.is_file()).then(|| path.display().to_string())
+    (!path.is_file()).then(|| shown_path(&path))
 }
 
 /// The start as the files tell it.

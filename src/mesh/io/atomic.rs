@@ -6,9 +6,11 @@ use std::path::{Path, PathBuf};
 
 use tempfile::NamedTempFile;
 
+use super::shown_path;
+
 /// Why a file could not be written.
 #[derive(Debug, thiserror::Error)]
-#[error("cannot write {}: {source}; {remedy}", path.display())]
+#[error("cannot write {}: {source}; {remedy}", shown_path(path))]
 pub struct WriteError {
     /// The file or folder.
     pub path: PathBuf,
@@ -99,6 +101,19 @@ pub fn check_folder_is_writable(folder: &Path) -> Result<(), WriteError> {
         .and_then(|found| if found.is_dir() { Ok(()) } else { Err(io::ErrorKind::NotADirectory.into()) })
         .and_then(|()| temporary_file(existing)?.write_all(b"can this folder be written to?"))
         .map_err(|source| WriteError::new(folder, source))
+}
+
+/// Checks that a file can be put at `path`: no folder stands there, and its own can be written to, made if need be.
+///
+/// # Errors
+/// The path and the system's reason.
+pub fn check_file_can_be_put(path: &Path) -> Result<(), WriteError> {
+    match fs::metadata(path) {
+        Ok(found) if found.is_dir() => Err(WriteError::new(path, io::ErrorKind::IsADirectory.into())),
+        // A device or pipe, which is written to directly.
+        Ok(found) if !found.is_file() => Ok(()),
+        _ => check_folder_is_writable(folder_of(path)),
+    }
 }
 
 fn folder_of(path: &Path) -> &Path {

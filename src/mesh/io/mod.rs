@@ -21,7 +21,9 @@ mod tokens;
 mod vtk;
 mod write;
 
-pub use atomic::{WriteError, check_folder_is_writable, write_atomically};
+pub(crate) use text::{is_harmful, on_one_line};
+
+pub use atomic::{WriteError, check_file_can_be_put, check_folder_is_writable, write_atomically};
 pub use cells::{CellData, TetFile};
 pub use format::{SurfaceFormat, TetFormat};
 pub use medit::{read_medit, write_medit};
@@ -44,7 +46,7 @@ use tokens::Fault;
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
     /// The operating system refused.
-    #[error("cannot read {}: {source}", path.display())]
+    #[error("cannot read {}: {source}", shown_path(path))]
     Open {
         /// The file.
         path: PathBuf,
@@ -52,13 +54,13 @@ pub enum ReadError {
         source: std::io::Error,
     },
     /// The path names a directory.
-    #[error("{} is a directory; name a file in it", path.display())]
+    #[error("{} is a directory; name a file in it", shown_path(path))]
     Directory {
         /// The path.
         path: PathBuf,
     },
     /// The file holds nothing.
-    #[error("{} is empty; export it again", path.display())]
+    #[error("{} is empty; export it again", shown_path(path))]
     Empty {
         /// The file.
         path: PathBuf,
@@ -66,7 +68,9 @@ pub enum ReadError {
     /// The ending tells no format that is read here.
     #[error(
         "{}: unknown file ending \"{ending}\" for a {wanted}; surfaces are read from {}, meshes of tets from {}",
-        path.display(), surface_endings(), tet_endings()
+        shown_path(path),
+        surface_endings(),
+        tet_endings()
     )]
     UnknownEnding {
         /// The file.
@@ -128,11 +132,16 @@ pub enum ReadError {
     },
 }
 
+/// A path as it may stand in a message: on one line, whatever its name holds.
+pub(crate) fn shown_path(path: &Path) -> String {
+    text::on_one_line(&path.to_string_lossy())
+}
+
 /// `path:line`, or the path alone.
 fn place(path: &Path, line: Option<usize>) -> String {
     match line {
-        Some(line) => format!("{}:{line}", path.display()),
-        None => path.display().to_string(),
+        Some(line) => format!("{}:{line}", shown_path(path)),
+        None => shown_path(path),
     }
 }
 

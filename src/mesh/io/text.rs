@@ -54,9 +54,26 @@ pub(super) fn shown(text: &str) -> String {
     format!("{}{dots}", short.escape_debug())
 }
 
+/// Whether a character of a name does something to a terminal or to the lines around it instead of being shown: controls, line
+/// breaks, and marks that turn the direction of the text.
+pub(crate) fn is_harmful(c: char) -> bool {
+    c.is_control() || matches!(c, '\u{2028}' | '\u{2029}' | '\u{202A}'..='\u{202E}' | '\u{2066}'..='\u{2069}')
+}
+
+/// A name with every such character escaped.
+pub(crate) fn on_one_line(name: &str) -> String {
+    name.chars().map(|c| if is_harmful(c) { c.escape_default().to_string() } else { c.to_string() }).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn names_stand_on_one_line() {
+        assert_eq!(on_one_line("M\u{fc}ller \u{5bf}\u{20ac}.off"), "M\u{fc}ller \u{5bf}\u{20ac}.off");
+        assert_eq!(on_one_line("a\nerror: b\r\u{1b}\u{202e}\u{2028}"), r"a\nerror: b\r\u{1b}\u{202e}\u{2028}");
+    }
 
     #[test]
     fn numbers_of_other_languages() {

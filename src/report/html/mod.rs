@@ -11,7 +11,7 @@ mod sweep;
 use std::path::{Path, PathBuf};
 
 use super::{MapRecord, Report};
-use crate::mesh::io::{ReadError, WriteError};
+use crate::mesh::io::{ReadError, WriteError, shown_path};
 
 /// What a folder holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,7 +27,7 @@ pub enum PageError {
     #[error(
         "{} holds no results: a run's folder has report.json, a sweep's has index.jsonl; name one that `qcball run` or \
          `qcball sweep` wrote",
-        path.display()
+        shown_path(path)
     )]
     NoResults {
         /// The path.
@@ -37,7 +37,7 @@ pub enum PageError {
     #[error(transparent)]
     Mesh(#[from] ReadError),
     /// A table or record that cannot be read, or that does not fit the others.
-    #[error("{}: {message}; run again to make it anew", path.display())]
+    #[error("{}: {message}; run again to make it anew", shown_path(path))]
     Broken {
         /// The file.
         path: PathBuf,

@@ -9,6 +9,7 @@ use std::time::Duration;
 use super::{ExternalError, ExternalMesher, ExternalSettings};
 use crate::cancel::Cancel;
 use crate::child::guarded;
+use crate::mesh::io::shown_path;
 
 /// The program of a mesher and the time it has left.
 pub(super) struct Program {
@@ -46,9 +47,9 @@ impl Program {
             std::path::absolute(&path).ok().filter(|path| can_be_run(path))
         };
         let tried = || match (source, path.components().count()) {
-            ("", _) => format!("there is no `{}` on PATH", path.display()),
-            (source, 1) => format!("{source} is `{}`, and nothing on PATH has that name", path.display()),
-            (source, _) => format!("{source} is {}, which is no program that may be run", path.display()),
+            ("", _) => format!("there is no `{}` on PATH", shown_path(&path)),
+            (source, 1) => format!("{source} is `{}`, and nothing on PATH has that name", shown_path(&path)),
+            (source, _) => format!("{source} is {}, which is no program that may be run", shown_path(&path)),
         };
         let path = found.ok_or_else(|| ExternalError::Missing { mesher, tried: tried() })?;
         Ok(Self { mesher, path, limit, cancel: cancel.within(limit) })
