@@ -10,6 +10,7 @@ use toml::Value;
 
 use super::error::{ConfigError, Fault, reworded};
 use super::{Axis, ConfigSource, Number, Plan, RangeTable, Seeds, Setting, SweepTable};
+use crate::mesh::io::shown_path;
 
 /// No sweep has more cases: a run takes seconds at least, and more are asked for by mistake.
 pub const MOST_CASES: usize = 10_000;
@@ -189,7 +190,7 @@ fn files(config: &Path, pattern: &str) -> Result<Vec<String>, Fault> {
     for path in found.filter_map(Result::ok).filter(|path| path.is_file()) {
         match path.strip_prefix(folder).unwrap_or(&path).to_str() {
             Some(name) => names.push(name.to_string()),
-            None => return fault(format!("{} has a name that is not UTF-8", path.display()), "rename it"),
+            None => return fault(format!("{} has a name that is not UTF-8", shown_path(&path)), "rename it"),
         }
     }
     if names.is_empty() {

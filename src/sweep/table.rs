@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value};
 
-use super::index::results_of;
+use super::index::{results_of, text_cell};
+use crate::mesh::io::{on_one_line, shown_path};
 use crate::report::Report;
 
 /// The columns of a table for which none are asked.
@@ -31,13 +32,13 @@ pub enum TableFormat {
 #[derive(Debug, thiserror::Error)]
 pub enum TableError {
     /// Neither a run's nor a sweep's folder.
-    #[error("{} holds no results: a run's folder has report.json, a sweep's has index.jsonl", path.display())]
+    #[error("{} holds no results: a run's folder has report.json, a sweep's has index.jsonl", shown_path(path))]
     NoResults {
         /// The folder.
         path: PathBuf,
     },
     /// A file that cannot be read, or not as what it is.
-    #[error("{}: {message}; make it anew by qcball sweep --index-only, or qcball run", path.display())]
+    #[error("{}: {message}; make it anew by qcball sweep --index-only, or qcball run", shown_path(path))]
     Broken {
         /// The file.
         path: PathBuf,
@@ -53,7 +54,7 @@ pub enum TableError {
         known: String,
     },
     /// No case of one stands in the other.
-    #[error("no case of {} has the settings of one of {}: the first varies {one}, the second {other}", paths[0].display(), paths[1].display())]
+    #[error("no case of {} has the settings of one of {}: the first varies {one}, the second {other}", shown_path(&paths[0]), shown_path(&paths[1]))]
     NothingInCommon {
         /// The two folders.
         paths: [PathBuf; 2],
@@ -177,7 +178,8 @@ impl Table {
     pub fn write(&self, format: TableFormat) -> String {
         let digits = |value: &Value| match value {
             Value::Null => String::new(),
-            Value::String(text) => text.clone(),
+            Value::String(text) if format == TableFormat::Csv => text_cell(text),
+            Value::String(text) => on_one_line(text),
             Value::Number(number) if number.is_f64() && format != TableFormat::Csv => {
                 format!("{:.5}", number.as_f64().unwrap_or(f64::NAN))
             }
@@ -216,7 +218,6 @@ impl Table {
 fn comma_separated(head: &[String], rows: &[Vec<String>]) -> String {
     let mut table = csv::Writer::from_writer(Vec::new());
     for row in std::iter::once(head).chain(rows.iter().map(Vec::as_slice)) {
-        let row = row.iter().map(|cell| super::index::text_cell(cell));
         table.write_record(row).expect("memory takes all rows of equal length");
     }
     String::from_utf8_lossy(&table.into_inner().expect("memory takes all that is written")).into_owned()
