@@ -6,7 +6,7 @@
 use std::time::Duration;
 
 use crate::bound::certificate::{self, Certificate};
-use crate::bound::{self, LowerBound};
+use crate::bound::{self, Contradiction, LowerBound, confront};
 use crate::cancel::Cancel;
 use crate::domain::Domain;
 use crate::map::{RadialCoordinates, RayEnd, RayError, bijectivity, caraman, spherical_starts};
@@ -129,6 +129,9 @@ pub enum ArrayError {
     /// The optimization could not start.
     #[error(transparent)]
     Optimize(#[from] OptimizeError),
+    /// A bound is above what the map achieves: an error of this program.
+    #[error(transparent)]
+    Contradiction(#[from] Box<Contradiction>),
 }
 
 /// Maps a solid, given by its tets, onto the unit ball with the largest dilatation as small as the method can make it. The
@@ -204,7 +207,7 @@ pub fn ball_map_observed(
     // Where the boundary slid, its values are the radial ones no more.
     let radial = settings.optimize.boundary_values == BoundaryValues::Fixed;
     map.bound(centre.filter(|_| radial), settings.certify);
-    Ok(map.arrays())
+    map.arrays()
 }
 
 /// Lowers the dilatation of any map of any tet mesh: `image` is the start, and the vertices with `fixed` true stay where they
@@ -258,7 +261,7 @@ pub fn optimize_observed(
     if boundary_is_fixed {
         map.bound(None, None);
     }
-    Ok(map.arrays())
+    map.arrays()
 }
 
 /// The exact dilatations of the piecewise-linear map that takes `points` to `image`, from whatever program.
@@ -295,8 +298,13 @@ pub fn bounds(
     if let Some(row) = (0..image.len()).find(|&v| on_boundary[v] && !image[v].iter().all(|x| x.is_finite())) {
         return Err(ArrayError::NotFinite { array: "image", row });
     }
-    Ok(given_back(bounds_of(&domain, &image, None, certify).0, unit))
+    let (bounds, _) = bounds_of(&domain, &image, None, certify);
+    confront(&bounds, &domain, &image, &measure_domain(&domain, &image).summary, ARRAYS)?;
+    Ok(given_back(bounds, unit))
 }
+
+/// What an error of this program is to be reported with.
+const ARRAYS: &str = "the arrays that were given";
 
 /// A map on the way out.
 struct Improved {
@@ -340,10 +348,11 @@ impl Improved {
     }
 
     /// Measures the final positions and hands everything out.
-    fn arrays(self) -> MappedMesh {
+    fn arrays(self) -> Result<MappedMesh, ArrayError> {
         let measured = measure_domain(&self.domain, &self.image);
+        confront(&self.bounds, &self.domain, &self.image, &measured.summary, ARRAYS)?;
         let rows = |points: &[Vec3]| points.iter().map(|&p| p.into()).collect();
-        MappedMesh {
+        Ok(MappedMesh {
             points: rows(&self.units[0].give_back_points(self.domain.mesh().points())),
             tets: self.domain.mesh().tets().iter().map(|tet| tet.map(|v| v.0)).collect(),
             image: rows(&self.units[1].give_back_points(&self.image)),
@@ -356,7 +365,7 @@ impl Improved {
             certificate: self.certificate,
             stop: self.stop,
             trace: self.trace,
-        }
+        })
     }
 }
 

@@ -3,9 +3,10 @@
 use std::f64::consts::FRAC_PI_2;
 
 use super::boundary_image::half_turns;
-use super::check::accepted;
 use super::check::fan::{exceeds_with_ends, half_tangent};
 use super::check::free_vertex::{Limit, Term, Tet, confinement};
+use super::check::linear::stretch_ratio;
+use super::check::{accepted, three_halves_power};
 use super::{BoundaryImage, Kind, LowerBound, Place};
 use crate::domain::Domain;
 use crate::linalg::interval::Interval;
@@ -35,7 +36,8 @@ const ACCURACY: f64 = 1e-9;
 ///
 /// **Proof**. The tets between are confined as in the fan bound (B2). *End tet*: as in the apex bound, the image q of its fourth vertex lies in
 /// the half-spaces of [`super::apex()`] where K <= k. A combination of them with multipliers >= 0 is a half-space
-/// again; one that is bounded by a plane through the edge bounds the angle.
+/// again; one that is bounded by a plane through the edge bounds the angle. Where the trace of its boundary face is enough
+/// ([`super::trace()`]), q has no place at all.
 ///
 /// **Search**. Let r1 >= r2 be the singular values of the map M of the boundary face, P = r1 r2, and (v, z) the third column of
 /// the Jacobian in the principal axes of M and the normal, det = P z > 0. By Schur complements, with `c = (k P z)^(1/3)` and
@@ -53,7 +55,7 @@ const ACCURACY: f64 = 1e-9;
 /// `u m cot a -+ u h(1 / u)` are convex and concave: the set of all (v, z) is convex (B4.3), so h is concave, and u h(1 / u)
 /// is its perspective. The half-spaces are those at the extreme position and beside it.
 ///
-/// Checked by `check::fan::exceeds_with_ends`. Edges that may be wound (several image angles are possible) or whose image is folded
+/// Checked by `check::fan::exceeds_with_ends`, a trace by `check::linear::stretch_ratio`. Edges that may be wound (several image angles are possible) or whose image is folded
 /// bound nothing. Concave edges (alpha > pi) are like others.
 pub fn end_fan(domain: &Domain, edges: &BoundaryEdges, image: BoundaryImage) -> Option<LowerBound> {
     let (mut best, mut ends) = (1.0, None);
@@ -129,8 +131,11 @@ impl Fan {
         low
     }
 
-    /// Whether half-spaces at the extreme positions prove K > k.
+    /// Whether the trace of an end, or half-spaces at the extreme positions prove K > k.
     fn is_proved_above(&self, k: f64) -> bool {
+        if self.ends.iter().any(|end| end.has_no_place(k)) {
+            return true;
+        }
         let between: Vec<Interval> = self.between.iter().map(|&angle| half_tangent(angle)).collect();
         [Sense::Least, Sense::Most].into_iter().any(|sense| {
             let [Some(first), Some(last)] = self.ends.each_ref().map(|end| end.witness(k, sense)) else { return false };
@@ -230,6 +235,12 @@ impl EndTet {
         let usable = (0.0..=1.0).contains(&t) && forms.as_flattened().iter().all(|form| form.is_finite());
         let axes = if usable && value(mixed) < value(least) { mixed } else { least };
         (value(axes).sqrt(), axes)
+    }
+
+    /// Whether the map of the face alone proves K > k.
+    fn has_no_place(&self, k: f64) -> bool {
+        let [p, q, r, _] = self.corners;
+        stretch_ratio([p, q, r], self.image).is_some_and(|ratio| three_halves_power(ratio) > k)
     }
 
     /// The tet and terms that nearly prove the extreme angle.

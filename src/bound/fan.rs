@@ -57,6 +57,9 @@ fn edge_stretch(edge: &BoundaryEdge, image: BoundaryImage, floor: f64) -> Option
 /// A lower end for the root tau >= 1 of the fan equation with domain angles `angles` and image angle `image`, or `floor`
 /// if the root is not shown to be above it.
 fn fan_stretch(angles: &[Angle], image: Angle, floor: f64) -> f64 {
+    if !may_exceed(angles, image.value(), floor) {
+        return floor;
+    }
     let alpha: Angle = angles.iter().copied().sum();
     let half_tangents: Vec<Interval> = angles.iter().map(|&angle| half_tangent(angle)).collect();
     let exceeds = |tau: f64| exceeds(&half_tangents, alpha, image, tau);
@@ -73,6 +76,15 @@ fn fan_stretch(angles: &[Angle], image: Angle, floor: f64) -> f64 {
         if exceeds(middle) { low = middle } else { high = middle }
     }
     low
+}
+
+/// Whether the root may be above tau, as far as floats tell: intervals are left to edges that count.
+fn may_exceed(angles: &[Angle], image: f64, tau: f64) -> bool {
+    /// More than the rounding of the sums.
+    const ROOM: f64 = 1e-9;
+    let sum = |ratio: f64| -> f64 { angles.iter().map(|a| 2.0 * (ratio * (0.5 * a.value()).tan()).atan()).sum() };
+    // Negated, so that NaN is left to the intervals.
+    !(sum(tau) >= image + ROOM && sum(tau.recip()) <= image - ROOM)
 }
 
 #[cfg(test)]

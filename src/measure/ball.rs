@@ -121,8 +121,11 @@ pub fn ball_dilatation(domain: &Domain, image: &[Vec3]) -> Result<BallDilatation
     let mut found = BallDilatation { certified: 1.0, sampled: at_boundary.reduce(|| 1.0, f64::max) };
     // The tets of largest K first: once theirs are known, most of the others are passed over.
     let most = cones.largest_stretch();
+    let bound = |map: TetMap| product(map.k(), most);
+    let may_exceed =
+        |tet: usize| bound(TetMap::roughly(&domain.mesh().corners(TetId(tet as u32)), &corners(tet))) > found.sampled;
     let mut order: Vec<(f64, usize)> =
-        (0..tets.len()).into_par_iter().map(|tet| (product(map(tet).k(), most), tet)).collect();
+        (0..tets.len()).into_par_iter().filter(|&tet| may_exceed(tet)).map(|tet| (bound(map(tet)), tet)).collect();
     order.par_sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     let mut left = POLYGONS.0 + POLYGONS.1 * tets.len();
     for batch in order.chunks(BATCH) {

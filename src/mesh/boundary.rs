@@ -84,42 +84,42 @@ impl Boundary {
     /// [`TopologyError::OverusedFace`] where three or more tets share a triangle, else [`TopologyError::Folded`] where two lie
     /// on the same side of it.
     pub fn of(mesh: &TetMesh) -> Result<Self, TopologyError> {
-        /// How many tets have a triangle; the first one of them and its direction round it.
-        struct Uses {
-            count: usize,
-            first: (u32, bool),
-        }
-        let mut uses: HashMap<[u32; 3], Uses> = HashMap::with_capacity(2 * mesh.tets().len());
-        let mut folded = None;
+        // Every tet's triangles, those of the same vertices side by side; each with its place and direction.
+        let mut sides: Vec<([u32; 3], (u32, u8), bool)> = Vec::with_capacity(4 * mesh.tets().len());
         for (index, tet) in (0..).zip(mesh.tets()) {
-            for face in TetMesh::FACES {
+            for (side, face) in (0..).zip(TetMesh::FACES) {
                 let triangle = face.map(|i| tet[i].0);
-                let (key, direction) = (sorted(triangle), runs_upwards(triangle));
-                let uses = uses.entry(key).or_insert(Uses { count: 0, first: (index, direction) });
-                if uses.count == 1 && uses.first.1 == direction {
-                    folded.get_or_insert(TopologyError::Folded { face: key, tets: [uses.first.0, index] });
-                }
-                uses.count += 1;
+                sides.push((sorted(triangle), (index, side), runs_upwards(triangle)));
             }
         }
-        let (mut triangles, mut owners) = (Vec::new(), Vec::new());
+        sides.sort_unstable();
+        // The places of the triangles that have one tet, and the first of each fault.
+        let mut places = Vec::new();
+        let (mut overused, mut folded) = (None, None);
+        for group in sides.chunk_by(|a, b| a.0 == b.0) {
+            match *group {
+                [(_, place, _)] => places.push(place),
+                [(_, _, upwards), (_, _, other)] if upwards != other => {}
+                [(face, first, _), (_, second, _)] => keep_first(&mut folded, second, face, first.0),
+                [(face, first, _), ..] => keep_first(&mut overused, first, face, group.len()),
+                [] => {}
+            }
+        }
+        if let Some((_, face, count)) = overused {
+            return Err(TopologyError::OverusedFace { face, count });
+        }
+        if let Some((second, face, first)) = folded {
+            return Err(TopologyError::Folded { face, tets: [first, second.0] });
+        }
+        places.sort_unstable();
+        let triangles: Vec<[VertexId; 3]> = places
+            .iter()
+            .map(|&(index, side)| TetMesh::FACES[usize::from(side)].map(|i| mesh.tets()[index as usize][i]))
+            .collect();
+        let owners = places.iter().map(|&(index, _)| TetId(index)).collect();
         let mut contains = vec![false; mesh.points().len()];
-        for (index, tet) in mesh.tets().iter().enumerate() {
-            for face in TetMesh::FACES {
-                let triangle = face.map(|i| tet[i]);
-                let key = sorted(triangle.map(|v| v.0));
-                match uses[&key].count {
-                    1 => {
-                        triangle.iter().for_each(|v| contains[v.index()] = true);
-                        triangles.push(triangle);
-                        owners.push(TetId(index as u32));
-                    }
-                    2 => {}
-                    count => return Err(TopologyError::OverusedFace { face: key, count }),
-                }
-            }
-        }
-        folded.map_or(Ok(Self { triangles, owners, contains }), Err)
+        triangles.iter().flatten().for_each(|v| contains[v.index()] = true);
+        Ok(Self { triangles, owners, contains })
     }
 
     /// Boundary triangles, counter-clockwise seen from outside.
@@ -194,6 +194,13 @@ impl Boundary {
             return Err(TopologyError::NotABall { solid, boundary });
         }
         Ok(())
+    }
+}
+
+/// Keeps the fault at the earliest place.
+fn keep_first<T>(kept: &mut Option<((u32, u8), [u32; 3], T)>, place: (u32, u8), face: [u32; 3], what: T) {
+    if kept.as_ref().is_none_or(|(earliest, ..)| place < *earliest) {
+        *kept = Some((place, face, what));
     }
 }
 

@@ -192,7 +192,9 @@ impl UntanglingFigures {
 pub struct BestBound {
     /// The largest bound that is proved and applies, if any does.
     pub best_bound: Option<f64>,
-    /// Achieved K / best bound, >= 1 and 1 where the map is proved to be best; none without a bound or a finite K.
+    /// Achieved K / best bound, >= 1 and 1 where the map is proved to be best; none without a bound or a finite K. The K of a
+    /// map is not below a proved bound: a measured one may be, by its rounding (more is a [`crate::bound::Contradiction`]), and
+    /// the quotient is then taken for 1.
     pub gap: Option<f64>,
 }
 
@@ -200,7 +202,7 @@ impl BestBound {
     /// The best of `bounds` for a map whose largest K is `max_k`.
     pub fn of(bounds: &[LowerBound], max_k: f64) -> Self {
         let best_bound = best_applicable(bounds).map(|bound| bound.value);
-        Self { best_bound, gap: best_bound.map(|bound| max_k / bound).filter(|gap| gap.is_finite()) }
+        Self { best_bound, gap: best_bound.map(|bound| (max_k / bound).max(1.0)).filter(|gap| gap.is_finite()) }
     }
 }
 

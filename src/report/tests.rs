@@ -166,6 +166,7 @@ fn the_report_has_the_fixed_keys_in_a_fixed_order() {
 fn only_a_proved_bound_that_applies_makes_a_gap() {
     let bounds = [bound(1.5, true, true), bound(1.2, true, true), bound(7.0, false, true), bound(8.0, true, false)];
     assert_eq!(BestBound::of(&bounds, 3.0), BestBound { best_bound: Some(1.5), gap: Some(2.0) });
+    assert_eq!(BestBound::of(&bounds, 1.5f64.next_down()), BestBound { best_bound: Some(1.5), gap: Some(1.0) });
     assert_eq!(BestBound::of(&bounds, f64::INFINITY), BestBound { best_bound: Some(1.5), gap: None });
     assert_eq!(BestBound::of(&bounds[2..], 3.0), BestBound { best_bound: None, gap: None });
 }

@@ -56,6 +56,9 @@ pub(super) fn check(files: &Files, findings: &mut Findings) {
             bound.name, bound.value
         ));
     }
+    let gap = files.report.achieved.best.gap;
+    findings
+        .expect(gap.is_none_or(|gap| gap >= 1.0), || format!("the gap is {gap:?}, but no map is below a proved bound"));
     figures(files, &again, (&before, &after), known, findings);
     trace(files, &before, findings);
     findings.trust("version, revision, threads, times, those of the trace included, and memory");

@@ -13,7 +13,7 @@
 //! | edge-ratio, vertex, vertex-smooth, wedge, edge-limit | [`factor`] | none |
 //! | fan | [`fan::exceeds`] | bisection |
 //! | apex | [`free_vertex::excluded`] | cutting planes (`one_free_vertex`) |
-//! | end-fan | [`fan::exceeds_with_ends`] | closed form (`end_fan`) |
+//! | end-fan | [`fan::exceeds_with_ends`], [`linear::stretch_ratio`] | closed form (`end_fan`) |
 //! | gram | [`super::certificate::check()`] | `certificate::search` |
 //!
 //! Beside these files: [`crate::linalg::interval`], the angles of [`crate::mesh::angle`], which tets meet at an edge or a vertex
