@@ -303,6 +303,7 @@
 //! | [`objective`] | energies of one tet and their sum with gradient and Hessian |
 //! | [`mod@optimize`] | continuation, Newton, L-BFGS, minimax, untangling |
 //! | [`bound`] | lower bounds, a theorem a file; `check`: what has to be believed of them |
+//! | [`mod@refine`] | rounds of refinement where the largest K sits |
 //! | [`arrays`] | the front doors: plain arrays in, plain arrays out |
 //! | [`picture`] | pictures of meshes and maps without a display, and the same figures as data |
 //! | [`config`] | the config as typed and the plan it means |
@@ -348,6 +349,8 @@ pub mod objective;
 pub mod optimize;
 
 pub mod bound;
+
+pub mod refine;
 
 pub mod arrays;
 

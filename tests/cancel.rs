@@ -40,7 +40,7 @@ fn untangling_ends_at_the_time_limit_of_the_optimization_and_when_it_is_cancelle
             kept: Vec::new(),
             notes: Vec::new(),
         };
-        let optimized = optimize_map(map, None, false, &settings, &mut |_| {}).unwrap();
+        let optimized = optimize_map(map, None, false, &settings, None, &mut |_| {}).unwrap();
         assert_eq!((optimized.report.achieved.stop, optimized.report.achieved.iterations), (stop, 0));
         assert!(optimized.report.achieved.last.flipped > 0);
     }

@@ -90,7 +90,7 @@ fn optimize_gives_what_run_gives_from_the_same_start() {
         notes: Vec::new(),
     };
     let locks = finished.domain.boundary().vertex_mask().to_vec();
-    let again = optimize_map(map, Some(locks), false, &settings, &mut |_| {}).unwrap();
+    let again = optimize_map(map, Some(locks), false, &settings, None, &mut |_| {}).unwrap();
     assert_eq!(again.positions, finished.outcome.positions);
     assert_eq!(again.report.achieved.last, finished.report.achieved.last);
 }

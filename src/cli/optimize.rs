@@ -15,6 +15,7 @@ use crate::config::optimize_settings;
 use crate::experiment::{RunError, on_threads, optimize_map, read_locks};
 use crate::mesh::io::{CellData, WriteError, check_file_can_be_put, check_tets_can_be_written, shown_path, write_tets};
 use crate::optimize::{BoundaryValues, Engine, Objective, OptimizeSettings, Polish, StopReason};
+use crate::refine::{Budget, RefineSettings};
 use crate::report::{map_summary, to_json, write_trace};
 
 /// The map and how it is improved.
@@ -42,6 +43,12 @@ pub(crate) struct OptimizeArguments {
     /// Split no tet, even if all its vertices are fixed.
     #[arg(long)]
     keep_mesh: bool,
+    /// Refine the mesh inside where the largest K sits, in so many rounds at most.
+    #[arg(long, value_name = "ROUNDS", conflicts_with_all = ["lock", "keep_mesh", "soft_max", "sliding", "config"])]
+    refine: Option<usize>,
+    /// Add at most so many tets by that, or "5 %" of those there are.
+    #[arg(long, value_name = "TETS", default_value = "10 %", requires = "refine")]
+    refine_tets: Budget,
     /// Minimize the soft maximum with this exponent instead of the largest K.
     #[arg(long, value_name = "P", allow_negative_numbers = true, value_parser = positive)]
     soft_max: Option<f64>,
@@ -101,9 +108,15 @@ pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure>
         cancel: Cancel::default(),
     };
     let settings = OptimizeSettings { cancel: cancel_on_signal(), ..from_config.unwrap_or(settings) };
+    let refinement = arguments.refine.map(|rounds| RefineSettings {
+        rounds,
+        tets: arguments.refine_tets,
+        ..RefineSettings::default()
+    });
+    let vertices = map.domain.mesh().points().len();
     let progress = Progress::new(arguments.quiet);
     let optimized = on_threads(usize::from(arguments.threads), || {
-        optimize_map(map, fixed, arguments.keep_mesh, &settings, &mut |row| progress.show(row))
+        optimize_map(map, fixed, arguments.keep_mesh, &settings, refinement.as_ref(), &mut |row| progress.show(row))
     })?;
     progress.finish();
     let origin = shown_path(&arguments.rest);
@@ -112,7 +125,7 @@ pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure>
     let mut files = shown_path(&arguments.out);
     // What one file lacks the room for another may still have; the image is what cannot be had again without the computation.
     let mut written = vec![write_tets(&arguments.out, &optimized.positions, tets, &CellData::new())];
-    if optimized.report.achieved.splits.is_some() {
+    if optimized.domain.mesh().points().len() != vertices {
         // The image has vertices that REST lacks: the domain it belongs to goes beside it.
         let domain = beside(&arguments.out);
         let points = optimized.unit.give_back_points(optimized.domain.mesh().points());

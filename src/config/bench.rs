@@ -24,7 +24,7 @@ impl BenchPlan {
     pub fn read(path: &Path) -> Result<Self, ConfigError> {
         let (source, config) = ConfigSource::read(path, &[])?;
         let made = || -> Result<usize, Fault> {
-            for key in ["name", "seed", "domain", "mesh", "map", "sweep", "bounds"] {
+            for key in ["name", "seed", "domain", "mesh", "map", "refine", "sweep", "bounds"] {
                 if source.has(key) {
                     let message = format!("`{key}` speaks of one run, but a bench takes the meshes of a folder");
                     return Err(Fault::at(&[key], message, "keep `threads` and the table [optimize] only"));

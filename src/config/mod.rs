@@ -11,6 +11,7 @@ mod limits;
 mod map;
 mod mesh;
 mod plan;
+mod refine;
 mod solid;
 mod source;
 mod sweep;
@@ -22,6 +23,7 @@ pub use error::ConfigError;
 pub use map::InitialMap;
 pub use mesh::MeshPlan;
 pub use plan::{DomainSource, Plan};
+pub use refine::{BudgetValue, RefineTable};
 pub use solid::SolidName;
 pub use source::{ConfigSource, Setting};
 pub use sweep::{CasePlan, MOST_CASES, SweepPlan};
@@ -57,6 +59,8 @@ pub struct Config {
     pub boundary: BoundaryTable,
     /// How the map is improved.
     pub optimize: OptimizeTable,
+    /// How the mesh is refined where the largest K sits.
+    pub refine: RefineTable,
     /// What `qcball sweep` varies; a single run takes no notice of it.
     pub sweep: Option<SweepTable>,
     /// How bounds are looked for.

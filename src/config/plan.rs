@@ -9,12 +9,13 @@ use super::limits::{duration, positive, whole};
 use super::map::{self, InitialMap};
 use super::mesh::{self, MeshPlan};
 use super::source::STANDARD_INPUT;
-use super::{Config, ConfigSource, DomainTable, MapKind, ObjectiveName, OptimizeTable, PolishName, solid};
+use super::{Config, ConfigSource, DomainTable, MapKind, ObjectiveName, OptimizeTable, PolishName, refine, solid};
 use crate::bound::certificate::DEFAULT_TIME_LIMIT;
 use crate::map::CornerChoice;
 use crate::mesh::Unit;
 use crate::mesh::io::{ReadError, SolidFile, SurfaceFormat, TetFormat, read_solid, shown_path};
 use crate::optimize::{Objective, OptimizeSettings, Polish};
+use crate::refine::RefineSettings;
 use crate::solid::{CentreChoice, ExternalSettings, Refinement, RepairSettings, ShellSettings, Solid};
 
 /// A run that can be started.
@@ -44,6 +45,8 @@ pub struct Plan {
     pub corners: CornerChoice,
     /// How the map is improved.
     pub optimize: OptimizeSettings,
+    /// How the mesh is refined where the largest K sits; none if it stays as it is.
+    pub refine: Option<RefineSettings>,
     /// The longest search for a Gram certificate; none if there shall be no search.
     pub certify: Option<Duration>,
 }
@@ -95,6 +98,7 @@ impl Plan {
         let domain = domain(source.path(), config)?;
         let is_mesh = matches!(domain, DomainSource::Mesh(_));
         let map = map::plan(config, is_mesh)?;
+        let corners = boundary::corners(config, &map)?;
         Ok(Self {
             name: name(source.path(), config)?,
             source: source.clone(),
@@ -105,7 +109,8 @@ impl Plan {
             centre: solid::centre(config)?,
             mesh: mesh::plan(&config.mesh, source.path())?,
             domain,
-            corners: boundary::corners(config, &map)?,
+            refine: refine::plan(config, &corners)?,
+            corners,
             map,
             optimize: optimize(config)?,
             certify: certify(config)?,

@@ -3,6 +3,7 @@ use std::path::Path;
 use super::*;
 use crate::mesh::Vec3;
 use crate::optimize::{Engine, Objective, OptimizeSettings};
+use crate::refine::{Budget, RefineSettings};
 use crate::solid::{CentreChoice, ExternalMesher, ExternalSettings, Refinement, ShellSettings, Sizing, Solid};
 
 /// A config file in a folder of its own, named `case.toml`.
@@ -338,7 +339,7 @@ fn the_schema_describes_every_key() {
         }
         assert_eq!(table["additionalProperties"], false);
     }
-    assert_eq!(described, 88, "keys in the schema");
+    assert_eq!(described, 94, "keys in the schema");
     let text = schema.to_string();
     for solid in ["\"tetrahedron\"", "\"star-polyhedron\""] {
         assert!(text.contains(solid), "{solid}");
@@ -369,4 +370,29 @@ fn an_engine_for_the_largest_k_is_refused_for_soft_maxima() {
     assert_eq!(plan(start, &[]).unwrap().optimize.engine, Engine::Slsqp);
     let message = plan(&format!("{start}objective = \"soft-max\"\nexponent = 4\n"), &[]).unwrap_err().to_string();
     assert!(message.contains("slsqp") && message.contains("largest K only"), "{message}");
+}
+
+#[test]
+fn refinement_is_off_without_rounds_and_refused_where_it_cannot_be() {
+    let cube = "[domain]\nsolid = \"cube\"\n";
+    assert_eq!(plan(cube, &[]).unwrap().refine, None);
+    assert_eq!(plan(cube, &["refine.tets=5"]).unwrap().refine, None);
+    let refine = |overrides: &[&str]| plan(cube, overrides).unwrap().refine.unwrap();
+    let default = RefineSettings { rounds: 3, ..RefineSettings::default() };
+    assert_eq!(refine(&["refine.rounds=3"]), default);
+    let given = refine(&["refine.rounds=3", "refine.tets=\"5 %\"", "refine.until=0.1"]);
+    assert_eq!(given, RefineSettings { rounds: 3, tets: Budget::Share(0.05), until: 0.1 });
+    assert_eq!(refine(&["refine.rounds=3", "refine.tets=200"]).tets, Budget::Tets(200));
+    for (overrides, word) in [
+        (&["refine.rounds=-1"][..], "refine.rounds"),
+        (&["refine.tets=\"many\""], "5 %"),
+        (&["refine.tets=-1"], "refine.tets"),
+        (&["refine.until=0"], "refine.until"),
+        (&["refine.rounds=3", "optimize.objective=\"soft-max\"", "optimize.exponent=4"], "multipliers"),
+        (&["refine.rounds=3", "boundary.corners=1.5"], "piecewise-linear"),
+        (&["refine.rounds=3", "boundary.values=\"sliding\""], "slide"),
+    ] {
+        let message = refusal(cube, overrides);
+        assert!(message.contains(word), "{overrides:?}: {message}");
+    }
 }

@@ -16,9 +16,10 @@ use crate::domain::Domain;
 use crate::map::Corners;
 use crate::measure::Measured;
 use crate::mesh::io::shown_path;
-use crate::mesh::{TetId, Unit, Vec3};
-use crate::optimize::{Outcome, StopReason, Tangled, TraceRow, Untangled};
-use crate::report::{MapRecord, Report, Times, UntanglingFigures, trace_hash};
+use crate::mesh::{TetId, Unit, Vec3, VertexId};
+use crate::optimize::{OptimizeSettings, Outcome, Polish, StopReason, Tangled, TraceRow, Untangled};
+use crate::refine::refine;
+use crate::report::{MapRecord, RefinedFigures, Report, Times, UntanglingFigures, trace_hash};
 
 pub use error::{Fault, RunError};
 pub use optimize_map::{GivenMap, OptimizedMap, optimize_map, read_locks};
@@ -30,6 +31,9 @@ use corners::optimize_corners;
 /// Relative distance below the largest K within which a tet counts as active.
 const ACTIVE: f64 = 1e-3;
 
+/// Rounds of refinement, and the ends of the edges halved in them.
+type Rounds = (RefinedFigures, Vec<[VertexId; 2]>);
+
 /// Everything a run leaves behind.
 #[derive(Debug)]
 pub struct Finished {
@@ -39,6 +43,8 @@ pub struct Finished {
     pub domain: Domain,
     /// The corners of the map, with their exponents; `None` where it is piecewise linear.
     pub corners: Option<Corners>,
+    /// The ends of the edges that refinement halved, in this order.
+    pub halved: Vec<[VertexId; 2]>,
     /// Image positions started from.
     pub initial: Vec<Vec3>,
     /// The optimised positions and the trace.
@@ -61,6 +67,7 @@ impl Finished {
         MapRecord {
             domain: &self.domain,
             corners: self.corners.as_ref(),
+            halved: &self.halved,
             initial: &self.initial,
             image: &self.outcome.positions,
             measured_initial: &self.measured_initial,
@@ -120,8 +127,9 @@ fn stages(plan: &Plan, observe: &mut dyn FnMut(&TraceRow)) -> Result<Finished, R
         Err(_) if cancel.is_raised() => return Err(RunError::Interrupted),
         start => start?,
     };
-    let (untangled, refinement_splits, outcome) =
+    let (untangled, refinement_splits, outcome, rounds) =
         optimized(&mut start, plan, observe).map_err(RunError::at(&start.origin.clone()))?;
+    let (refined, halved) = rounds.unzip();
     let domain = &start.domain;
     // With the exponents arrived at, where corners have any.
     let measured_initial = start.measure(&start.image);
@@ -134,6 +142,7 @@ fn stages(plan: &Plan, observe: &mut dyn FnMut(&TraceRow)) -> Result<Finished, R
     let flipped = measured_initial.summary.flipped;
     let course = Course {
         untangling: UntanglingFigures::of(domain, flipped, &untangled, refinement_splits),
+        refined,
         stop: interrupted(cancel).unwrap_or(outcome.stop),
         kkt: outcome.kkt,
         iterations: outcome.trace.len().saturating_sub(1),
@@ -150,17 +159,31 @@ fn stages(plan: &Plan, observe: &mut dyn FnMut(&TraceRow)) -> Result<Finished, R
         trace_hash(&outcome.trace),
     );
     let active = measured.active(ACTIVE);
+    let halved = halved.unwrap_or_default();
     let Start { domain, image: initial, corners, units, .. } = start;
-    Ok(Finished { report, domain, corners, initial, outcome, measured_initial, measured, active, certificate, units })
+    Ok(Finished {
+        report,
+        domain,
+        corners,
+        halved,
+        initial,
+        outcome,
+        measured_initial,
+        measured,
+        active,
+        certificate,
+        units,
+    })
 }
 
 /// Untangles and optimizes the images of the vertices, and the exponents of corners if the plan leaves them open. The start is on the
-/// refined domain afterwards, where edges had to be halved; their number is the second that is returned.
+/// refined domain afterwards, where edges had to be halved; their number is the second that is returned, and the rounds that the plan
+/// asks for where K sits, with the edges halved in them, the last.
 fn optimized(
     start: &mut Start,
     plan: &Plan,
     observe: &mut dyn FnMut(&TraceRow),
-) -> Result<(Untangled, usize, Outcome), Fault> {
+) -> Result<(Untangled, usize, Outcome, Option<Rounds>), Fault> {
     let settings = &plan.optimize;
     let Some(corners) = start.corners.take() else {
         let tangled = Tangled {
@@ -170,14 +193,27 @@ fn optimized(
             fixed: None,
             may_refine: !plan.keep_mesh,
         };
-        let (freed, outcome) = tangled.free_and_optimize(settings, observe)?;
+        // One time limit for all that follows, and one polish at its end.
+        let settings = &settings.starting_now();
+        let first = OptimizeSettings {
+            polish: if plan.refine.is_some() { Polish::None } else { settings.polish },
+            ..settings.clone()
+        };
+        let (freed, outcome) = tangled.free_and_optimize(&first, observe)?;
         start.take_freed(&freed);
-        return Ok((freed.untangled, freed.refinement_splits, outcome));
+        let (untangled, splits) = (freed.untangled, freed.refinement_splits);
+        let Some(refinement) = &plan.refine else { return Ok((untangled, splits, outcome, None)) };
+        let (domain, image) = (start.domain.clone(), start.image.clone());
+        let tets_before = domain.mesh().tets().len();
+        let map = refine(domain, image, outcome, settings, refinement, observe)?;
+        (start.domain, start.image) = (map.domain, map.start);
+        let rounds = (RefinedFigures { tets_before, end: map.end, rounds: map.rounds }, map.halved);
+        return Ok((untangled, splits, map.outcome, Some(rounds)));
     };
     let (untangled, outcome, corners) =
         optimize_corners(&start.domain, &start.image, corners, plan.corners, settings, observe)?;
     start.corners = Some(corners);
-    Ok((untangled, 0, outcome))
+    Ok((untangled, 0, outcome, None))
 }
 
 /// The stop reason of a run that was interrupted at any stage: what was to follow is not whole.

@@ -11,8 +11,9 @@ use crate::domain::Domain;
 use crate::measure::measure_onto_ball;
 use crate::mesh::io::{ReadError, read_tets, shown_path};
 use crate::mesh::{TetMesh, TetSoup, Unit, Vec3, full_boundary};
-use crate::optimize::{BoundaryValues, Freed, OptimizeSettings, Tangled, TraceRow};
-use crate::report::{BallFigures, MapReport, Splits, Times, UntanglingFigures};
+use crate::optimize::{BoundaryValues, Freed, OptimizeSettings, Polish, Tangled, TraceRow};
+use crate::refine::{RefineSettings, refine};
+use crate::report::{BallFigures, MapReport, RefinedFigures, Splits, Times, UntanglingFigures};
 
 /// A map given by two files: a mesh and the same mesh with moved vertices.
 #[derive(Debug)]
@@ -134,7 +135,8 @@ pub struct OptimizedMap {
 }
 
 /// Moves the vertices of a map that `fixed` does not hold (the boundary's, if `None`); locked tets are freed by splits that
-/// leave the boundary as it is, unless `keep_mesh` or `fixed` is given.
+/// leave the boundary as it is, unless `keep_mesh` or `fixed` is given. With `refinement` the mesh is refined where the largest K
+/// sits; only where the boundary's vertices are those that are fixed.
 ///
 /// # Errors
 /// A system that cannot be held, or a split that rounding made flat; a bound that the map contradicts, an error of the program.
@@ -143,6 +145,7 @@ pub fn optimize_map(
     fixed: Option<Vec<bool>>,
     keep_mesh: bool,
     settings: &OptimizeSettings,
+    refinement: Option<&RefineSettings>,
     observe: &mut dyn FnMut(&TraceRow),
 ) -> Result<OptimizedMap, Fault> {
     let clock = Instant::now();
@@ -157,8 +160,19 @@ pub fn optimize_map(
         }
     }
     let tangled = Tangled { domain, start: image, second: None, fixed: fixed.as_deref(), may_refine: !keep_mesh };
-    let (freed, outcome) = tangled.free_and_optimize(settings, observe)?;
-    let Freed { domain, start, untangled, refinement_splits, .. } = freed;
+    // One time limit for both, and one polish at their end.
+    let timed = settings.starting_now();
+    let refinement = refinement.filter(|_| fixed.is_none());
+    let polish = if refinement.is_some() { Polish::None } else { settings.polish };
+    let (freed, mut outcome) = tangled.free_and_optimize(&OptimizeSettings { polish, ..timed.clone() }, observe)?;
+    let Freed { mut domain, mut start, untangled, refinement_splits, .. } = freed;
+    let mut refined = None;
+    if let Some(refinement) = refinement {
+        let tets_before = domain.mesh().tets().len();
+        let map = refine(domain, start, outcome, &timed, refinement, observe)?;
+        (domain, start, outcome) = (map.domain, map.start, map.outcome);
+        refined = Some(RefinedFigures { tets_before, end: map.end, rounds: map.rounds });
+    }
     let fixed = fixed.unwrap_or_else(|| domain.boundary().vertex_mask().to_vec());
     let before = measure_onto_ball(&domain, &start);
     let after = measure_onto_ball(&domain, &outcome.positions);
@@ -172,6 +186,7 @@ pub fn optimize_map(
     bounds.iter_mut().for_each(|bound| bound.place = bound.place.take().map(|place| unit.give_back_place(place)));
     let course = Course {
         untangling: UntanglingFigures::of(&domain, before.summary.flipped, &untangled, refinement_splits),
+        refined,
         stop: interrupted(&settings.cancel).unwrap_or(outcome.stop),
         kkt: outcome.kkt,
         iterations: outcome.trace.len().saturating_sub(1),

@@ -13,7 +13,8 @@ use crate::measure::{Bottleneck, Measured, bottleneck};
 use crate::mesh::{Place, Vec3, VertexId};
 use crate::optimize::{KktResidual, StopReason};
 use crate::report::{
-    Achieved, BallFigures, BestBound, CornerFigures, DomainFigures, Limit, Report, Splits, Times, UntanglingFigures,
+    Achieved, BallFigures, BestBound, CornerFigures, DomainFigures, Limit, RefinedFigures, Report, Splits, Times,
+    UntanglingFigures,
 };
 
 /// Under which name and from what a run was made.
@@ -26,6 +27,7 @@ pub(crate) struct Heading<'a> {
 /// How the optimization went, which its result does not tell.
 pub(crate) struct Course {
     pub untangling: Option<UntanglingFigures>,
+    pub refined: Option<RefinedFigures>,
     pub stop: StopReason,
     pub kkt: Option<KktResidual>,
     pub iterations: usize,
@@ -45,6 +47,7 @@ impl Course {
             splits,
             initial: before.summary.clone(),
             untangling: self.untangling,
+            refined: self.refined,
             last: after.summary.clone(),
             active: after.active(ACTIVE).len(),
             best: BestBound::of(&bounds, after.summary.max_k),

@@ -10,7 +10,9 @@ use crate::domain::Domain;
 use crate::map::{AnalyticMap, Corners, RadialCoordinates, RayEnd, caraman, spherical_starts};
 use crate::measure::{Measured, measure_elements, measure_onto_ball};
 use crate::mesh::io::{ReadError, SolidFile, read_solid, read_surface, shown_path};
-use crate::mesh::{Orientation, PolygonSoup, TetMesh, TetSoup, Unit, Vec3, full_boundary, orientation};
+use crate::mesh::{
+    Orientation, PolygonSoup, Subdivision, TetMesh, TetSoup, Unit, Vec3, VertexId, full_boundary, orientation,
+};
 use crate::optimize::Freed;
 use crate::report::{MapFigures, RefinementFigures, Splits};
 use crate::solid::{
@@ -320,6 +322,21 @@ impl Start {
         if freed.is_second {
             self.map.map = Self::SECOND.into();
         }
+    }
+
+    /// The same with edges halved in this order, and new vertices halfway in both maps.
+    ///
+    /// # Errors
+    /// What is no edge, or a half that rounding made flat.
+    pub fn halved(self, edges: &[[VertexId; 2]]) -> Result<Self, String> {
+        if edges.is_empty() {
+            return Ok(self);
+        }
+        let mut subdivision = Subdivision::of(self.domain.mesh());
+        subdivision.halve(edges).map_err(|[a, b]| format!("there is no edge from vertex {} to {}", a.0, b.0))?;
+        let mesh = subdivision.mesh().map_err(|error| error.to_string())?;
+        let domain = Domain::new(mesh).map_err(|error| error.to_string())?;
+        Ok(Self { domain, image: subdivision.extend(self.image), ..self })
     }
 
     /// The same from the second positions, if that is what the words for the map say.

@@ -34,9 +34,41 @@ impl Subdivision {
         self.face_splits += self.split_all(wanted, |_, _| 0.0);
     }
 
+    /// Halves edges in this order, each of the mesh as it is then.
+    ///
+    /// # Errors
+    /// The first that is no edge.
+    pub fn halve(&mut self, edges: &[[VertexId; 2]]) -> Result<(), [VertexId; 2]> {
+        // The tets at each vertex, and some that were.
+        let mut at: Vec<Vec<usize>> = vec![Vec::new(); self.points.len()];
+        for (index, tet) in self.tets.iter().enumerate() {
+            tet.iter().for_each(|v| at[v.index()].push(index));
+        }
+        for edge in edges {
+            let around = at.get(edge[0].index()).into_iter().flatten().copied();
+            let tets: Vec<usize> = around.filter(|&tet| edge.iter().all(|v| self.tets[tet].contains(v))).collect();
+            if tets.is_empty() || edge[0] == edge[1] {
+                return Err(*edge);
+            }
+            let before = self.tets.len();
+            self.split(edge, &tets);
+            self.edge_splits += 1;
+            at.push(tets);
+            for (index, tet) in self.tets.iter().enumerate().skip(before) {
+                tet.iter().for_each(|v| at[v.index()].push(index));
+            }
+        }
+        Ok(())
+    }
+
     /// How many vertices there are now.
     pub fn vertex_count(&self) -> usize {
         self.points.len()
+    }
+
+    /// How many tets there are now.
+    pub fn tet_count(&self) -> usize {
+        self.tets.len()
     }
 
     /// The splits of edges.
@@ -167,6 +199,23 @@ mod tests {
         assert_eq!(split.tets().len(), 2 * 3 + 3);
         assert!((volume(&split) - volume(&mesh)).abs() < 1e-15);
         assert_eq!(Boundary::of(&split).unwrap().triangles().len(), 6);
+        let mut again = Subdivision::of(&mesh);
+        let edges = [[0, 1], [5, 2], [1, 2]].map(|edge| edge.map(VertexId));
+        assert_eq!(again.halve(&edges), Ok(()));
+        assert_eq!(again.edge_splits(), 3);
+        let mut by_size = Subdivision::of(&mesh);
+        edges
+            .into_iter()
+            .for_each(|edge| by_size.split_edges(|other| other == [edge[0].min(edge[1]), edge[0].max(edge[1])]));
+        let sorted = |splits: &Subdivision| {
+            let mut tets = splits.tets.clone();
+            tets.iter_mut().for_each(|tet| tet.sort_unstable());
+            tets.sort_unstable();
+            tets
+        };
+        assert_eq!(sorted(&again), sorted(&by_size));
+        assert_eq!(again.halve(&[[0, 4].map(VertexId)]), Err([0, 4].map(VertexId)));
+        assert_eq!(again.halve(&[[0, 99].map(VertexId)]), Err([0, 99].map(VertexId)));
         // A linear map of the old vertices is the same linear map of the new ones.
         let image = splits.extend(mesh.points().iter().map(|p| Vec3::new(p.x + p.y, 3.0 * p.y, p.z)).collect());
         for (p, q) in split.points().iter().zip(&image) {

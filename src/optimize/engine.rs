@@ -65,7 +65,7 @@ impl Engine {
     }
 
     /// Whether the largest K is settled by NLopt instead of our interior-point method.
-    pub(super) fn solves_epigraph(self) -> bool {
+    pub(crate) fn solves_epigraph(self) -> bool {
         matches!(self, Self::Mma | Self::Ccsaq | Self::Slsqp)
     }
 

@@ -44,6 +44,7 @@ pub(super) fn minimax(
         let settled = interior_point_phase(&mut assembly, &mut iterate, Goal::Bound, tolerance, &rim, recorder);
         image.copy_from_slice(iterate.image());
         let tets: Vec<TetId> = (0..rim.len() as u32).map(TetId).collect();
+        recorder.multipliers = multipliers(&settled, &tets);
         let kkt = settled.bound.map(|bound| over_all(whole, image, bound, &settled, &tets));
         return Ok(Ending::Settled(settled.end, kkt.flatten()));
     }
@@ -62,8 +63,9 @@ pub(super) fn minimax(
         recorder.part = None;
         region.extend(part.image(), image);
         let kkt = settled.bound.map(|bound| over_all(whole, image, bound, &settled, &region.part.tets));
-        let optimal = kkt.flatten().is_some_and(|kkt| kkt.largest() <= OPTIMAL);
+        let optimal = kkt.flatten().is_some_and(|kkt| kkt.largest() <= tolerance.max(OPTIMAL));
         last = Some((settled.end, kkt.flatten()));
+        recorder.multipliers = multipliers(&settled, &region.part.tets);
         if settled.end == PhaseEnd::Interrupted || optimal || region.is_whole(free) {
             break;
         }
@@ -102,6 +104,11 @@ pub(super) fn next_levels(
         }
     }
     Ok(PhaseEnd::Converged)
+}
+
+/// The multipliers of constraints, each with its tet of the whole mesh.
+fn multipliers(settled: &Settled, tets: &[TetId]) -> Vec<(TetId, f64)> {
+    settled.multipliers.iter().map(|&(tet, _, multiplier)| (tets[tet], multiplier)).collect()
 }
 
 /// The residual with respect to all free vertices and all tets, of the multipliers that a region was settled with.

@@ -25,10 +25,11 @@ use serde::{Deserialize, Serialize};
 use crate::cancel::Cancel;
 use crate::domain::Domain;
 use crate::linalg::{Method, SparseError};
-use crate::mesh::Vec3;
+use crate::mesh::{TetId, Vec3};
 use crate::objective::{Assembly, Freedom, Iterate, Unknowns};
 pub use engine::{Engine, MOST_TETS_CONSERVATIVE, MOST_TETS_QUADRATIC};
 use minimax::Ending;
+pub use recorder::KktResidual;
 use recorder::{PhaseEnd, Progress, Recorder};
 pub use untangle::{Freed, Refined, Tangled, Untangled, flipped_tets, refine_and_untangle, untangle, untangle_locally};
 
@@ -241,29 +242,12 @@ pub struct TraceRow {
     pub mean_k: f64,
     /// Accepted step length along the search direction.
     pub step: f64,
+    /// The round of refinement ([`crate::refine`]), 0 before the first.
+    pub round: usize,
     /// Estimated share of the run that is done, in [0, 1], by its phases.
     pub progress: f64,
     /// Seconds since the start.
     pub seconds: f64,
-}
-
-/// How far a minimax solution is from stationary: the Karush-Kuhn-Tucker conditions of min t subject to 3 |l_i| <= t.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct KktResidual {
-    /// Largest violation of a constraint, in ln K.
-    pub primal: f64,
-    /// Norm of the multipliers' combined gradient relative to the sum of its parts' norms, or the distance of the
-    /// multipliers' sum from 1 if that is larger.
-    pub dual: f64,
-    /// Sum of multiplier times slack over all constraints, in ln K.
-    pub complementarity: f64,
-}
-
-impl KktResidual {
-    /// The largest of the three.
-    pub fn largest(&self) -> f64 {
-        self.primal.max(self.dual).max(self.complementarity)
-    }
 }
 
 /// How an optimisation ended.
@@ -276,6 +260,9 @@ pub struct Outcome {
     pub stop: StopReason,
     /// How far the minimax solution, before any polish, is from stationary; `None` where the minimax phase was not reached.
     pub kkt: Option<KktResidual>,
+    /// The tets that hold the largest K where it is, each with the multiplier of its constraint; they add up to 1 about. Empty
+    /// where the minimax phase was not reached.
+    pub multipliers: Vec<(TetId, f64)>,
     /// One row an iteration, and row 0 for the start.
     pub trace: Vec<TraceRow>,
 }
@@ -283,7 +270,8 @@ pub struct Outcome {
 impl Outcome {
     /// The outcome of a start that could not be untangled.
     pub fn still_flipped(positions: Vec<Vec3>) -> Self {
-        Self { positions, stop: StopReason::StillFlipped, kkt: None, trace: Vec::new() }
+        let (stop, kkt) = (StopReason::StillFlipped, None);
+        Self { positions, stop, kkt, multipliers: Vec::new(), trace: Vec::new() }
     }
 }
 
@@ -292,6 +280,30 @@ impl Outcome {
 /// # Errors
 /// A flipped start, a system that cannot be held, or an engine that cannot do it.
 pub fn optimize(
+    domain: &Domain,
+    start: &[Vec3],
+    fixed: &[bool],
+    settings: &OptimizeSettings,
+    observe: &mut dyn FnMut(&TraceRow),
+) -> Result<Outcome, OptimizeError> {
+    optimize_from(Start::Anywhere, domain, start, fixed, settings, observe)
+}
+
+/// What is known of a start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Start {
+    /// Nothing.
+    Anywhere,
+    /// Its largest K was settled on a mesh that this one refines in few places: the soft maxima are left out.
+    Settled,
+}
+
+/// [`optimize`], shorter from a start of which something is known.
+///
+/// # Errors
+/// As [`optimize`].
+pub fn optimize_from(
+    known: Start,
     domain: &Domain,
     start: &[Vec3],
     fixed: &[bool],
@@ -316,6 +328,7 @@ pub fn optimize(
             positions: start.to_vec(),
             stop: StopReason::NothingFree,
             kkt: None,
+            multipliers: Vec::new(),
             trace: recorder.rows,
         });
     }
@@ -325,8 +338,9 @@ pub fn optimize(
     let (end, kkt) = if settings.max_iterations == 0 {
         (PhaseEnd::Interrupted, None)
     } else {
-        continuation(&mut assembly, &mut iterate, settings, &mut recorder)?
+        continuation(&mut assembly, &mut iterate, known, settings, &mut recorder)?
     };
+    let multipliers = std::mem::take(&mut recorder.multipliers);
     let mut stop = match end {
         PhaseEnd::Converged if kkt.is_some_and(|kkt| kkt.largest() <= OPTIMAL) => StopReason::Optimal,
         PhaseEnd::Converged => StopReason::Converged,
@@ -354,7 +368,7 @@ pub fn optimize(
             stop = recorder.interruption();
         }
     }
-    Ok(Outcome { positions: image, stop, kkt, trace: recorder.rows })
+    Ok(Outcome { positions: image, stop, kkt, multipliers, trace: recorder.rows })
 }
 
 /// Frees a start of flipped tets if it has any, then optimizes; if some resist, the least flipped map is the outcome.
@@ -412,6 +426,7 @@ fn method(unknowns: &Unknowns) -> Method {
 fn continuation(
     assembly: &mut Assembly<'_>,
     iterate: &mut Iterate,
+    known: Start,
     settings: &OptimizeSettings,
     recorder: &mut Recorder<'_>,
 ) -> Result<(PhaseEnd, Option<KktResidual>), SparseError> {
@@ -438,7 +453,9 @@ fn continuation(
         (settings.objective == Objective::Max && above <= settings.tolerance)
             .then_some((PhaseEnd::Converged, Some(kkt)))
     };
-    let before = EXPONENTS.into_iter().filter(|&p| p < last || settings.objective == Objective::Max && p == last);
+    let settled = known == Start::Settled && settings.objective == Objective::Max;
+    let before =
+        EXPONENTS.into_iter().filter(|&p| !settled && (p < last || settings.objective == Objective::Max && p == last));
     for (index, exponent) in before.clone().enumerate() {
         if let Some(end) = perfect(recorder) {
             return Ok(end);

@@ -2,6 +2,8 @@
 
 use std::time::Instant;
 
+use serde::{Deserialize, Serialize};
+
 use super::{OptimizeSettings, StopReason, TraceRow};
 use crate::cancel::Cancel;
 use crate::dilatation::Dilatation;
@@ -21,6 +23,25 @@ pub(super) enum PhaseEnd {
     Converged,
     NoProgress,
     Interrupted,
+}
+
+/// How far a minimax solution is from stationary: the Karush-Kuhn-Tucker conditions of min t subject to 3 |l_i| <= t.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct KktResidual {
+    /// Largest violation of a constraint, in ln K.
+    pub primal: f64,
+    /// Norm of the multipliers' combined gradient relative to the sum of its parts' norms, or the distance of the
+    /// multipliers' sum from 1 if that is larger.
+    pub dual: f64,
+    /// Sum of multiplier times slack over all constraints, in ln K.
+    pub complementarity: f64,
+}
+
+impl KktResidual {
+    /// The largest of the three.
+    pub fn largest(&self) -> f64 {
+        self.primal.max(self.dual).max(self.complementarity)
+    }
 }
 
 /// The vertices and tets of a part of the mesh.
@@ -49,6 +70,8 @@ pub(super) struct Recorder<'a> {
     pub(super) best: Vec<Vec3>,
     pub(super) best_k: f64,
     pub(super) mean_of_best: f64,
+    /// See [`Outcome::multipliers`](super::Outcome::multipliers), one entry a constraint.
+    pub(super) multipliers: Vec<(TetId, f64)>,
     /// See [`TraceRow::progress`]; set by the phases.
     pub(super) progress: f64,
 }
@@ -70,6 +93,7 @@ impl<'a> Recorder<'a> {
             best: start.image().to_vec(),
             best_k: f64::INFINITY,
             mean_of_best: f64::INFINITY,
+            multipliers: Vec::new(),
             progress: 0.0,
         };
         recorder.record("start", f64::INFINITY, 0.0, start);
@@ -138,6 +162,7 @@ impl<'a> Recorder<'a> {
             max_k,
             mean_k,
             step,
+            round: 0,
             progress: self.progress,
             seconds: self.start.elapsed().as_secs_f64(),
         };

@@ -137,6 +137,7 @@ fn attempt(
                 max_k: if flipped.is_empty() { f64::NAN } else { f64::INFINITY },
                 mean_k: f64::INFINITY,
                 step,
+                round: 0,
                 progress: 0.0,
                 seconds: best.seconds,
             });

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{BallFigures, BestBound, Limit, Splits, Times, UntanglingFigures};
+use super::{BallFigures, BestBound, Limit, RefinedFigures, Splits, Times, UntanglingFigures};
 use crate::bound::LowerBound;
 use crate::measure::Summary;
 use crate::optimize::{KktResidual, StopReason};
@@ -16,6 +16,8 @@ pub struct Achieved {
     pub initial: Summary,
     /// How flipped tets of that map were untangled; `null` if there were none.
     pub untangling: Option<UntanglingFigures>,
+    /// How the mesh was refined where the largest K sits; `null` if that was not asked for.
+    pub refined: Option<RefinedFigures>,
     /// The map arrived at, measured from its positions alone.
     #[serde(rename = "final")]
     pub last: Summary,

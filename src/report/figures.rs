@@ -10,6 +10,7 @@ use crate::map::corner::solid_angles;
 use crate::measure::{Summary, ball_fraction};
 use crate::mesh::{Subdivision, TetId, Unit, Vec3, VertexId, smallest_dihedral_angle};
 use crate::optimize::Untangled;
+use crate::refine::{RefineEnd, Round};
 use crate::solid::StarCentre;
 use crate::sphere::SphereDistortion;
 
@@ -185,6 +186,17 @@ impl UntanglingFigures {
             common_vertices: common.into_iter().map(|(vertex, _)| vertex).collect(),
         })
     }
+}
+
+/// How the mesh was refined where the largest K sits.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RefinedFigures {
+    /// How many tets there were.
+    pub tets_before: usize,
+    /// Why there was no further round.
+    pub end: RefineEnd,
+    /// The rounds.
+    pub rounds: Vec<Round>,
 }
 
 /// The largest lower bound that speaks of the measured map, and how far above it the map is.

@@ -12,11 +12,12 @@ mod summary;
 pub use achieved::{Achieved, MapReport};
 pub(crate) use corners::{CORNERS, read_corners};
 pub use figures::{
-    BallFigures, BestBound, CornerFigures, DomainFigures, MapFigures, RefinementFigures, Splits, UntanglingFigures,
+    BallFigures, BestBound, CornerFigures, DomainFigures, MapFigures, RefinedFigures, RefinementFigures, Splits,
+    UntanglingFigures,
 };
 pub use html::{PageError, write_pages, write_pages_of};
 pub use limit::{Limit, LimitedBy};
-pub(crate) use results::{CellRow, FILES, INCOMPLETE, START, trace_hash};
+pub(crate) use results::{CellRow, FILES, HALVED, HalvedRow, INCOMPLETE, START, trace_hash};
 pub use results::{MapRecord, write_certificate, write_results, write_trace};
 pub(crate) use summary::{ball_lines, bounds_table, dilatations};
 pub use summary::{map_summary, summary, time_line};

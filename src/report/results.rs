@@ -14,7 +14,7 @@ use crate::domain::Domain;
 use crate::map::Corners;
 use crate::measure::Measured;
 use crate::mesh::io::{DataArray, Values, WriteError, write_atomically, write_vtu};
-use crate::mesh::{TetId, Unit, Vec3};
+use crate::mesh::{TetId, Unit, Vec3, VertexId};
 use crate::optimize::TraceRow;
 
 /// The files of a run, but for `certificate.json`, which not every run has; the record comes last.
@@ -27,6 +27,17 @@ const CERTIFICATE: &str = "certificate.json";
 pub(crate) const INCOMPLETE: &str = "incomplete.txt";
 /// The name of the image positions started from, on the points of both meshes.
 pub(crate) const START: &str = "start_position";
+/// The file with a row an edge that was halved, of a run with refinement.
+pub(crate) const HALVED: &str = "refined.csv";
+
+/// One line of `refined.csv`: a vertex and the two that it was put halfway between, which come before it; in the order of the
+/// halvings, all counted from 0.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct HalvedRow {
+    pub vertex: u32,
+    pub from: u32,
+    pub to: u32,
+}
 
 /// The maps behind a report: what its tables and meshes show cell by cell.
 #[derive(Clone, Copy, Debug)]
@@ -35,6 +46,8 @@ pub struct MapRecord<'a> {
     pub domain: &'a Domain,
     /// The corners of the map, with their exponents; `None` where it is piecewise linear.
     pub corners: Option<&'a Corners>,
+    /// The ends of the edges that refinement halved, in this order; their middles are the last vertices.
+    pub halved: &'a [[VertexId; 2]],
     /// Image positions started from.
     pub initial: &'a [Vec3],
     /// Image positions arrived at.
@@ -54,8 +67,8 @@ pub struct MapRecord<'a> {
 }
 
 /// Writes `report.json`, `summary.txt`, `trace.csv`, `cells.csv`, `domain.vtu` and `image.vtu` into `folder`, made if
-/// missing, `corners.csv` if the map has corners and `certificate.json` if there is a certificate; those of an earlier run are
-/// removed.
+/// missing, `corners.csv` if the map has corners, `refined.csv` if edges were halved and `certificate.json` if there is a
+/// certificate; those of an earlier run are removed.
 ///
 /// The report comes last: where it stands, the rest does. Until then `incomplete.txt` says that something is missing. It
 /// stays if a file could not be written, says which, and as many of the others as can be are there.
@@ -100,12 +113,18 @@ fn write_files(folder: &Path, report: &Report, record: &MapRecord) -> Vec<(&'sta
         ];
         write_vtu(&folder.join(name), shown, record.domain.mesh().tets(), &point_data, &data)
     };
-    let [corners, certificate] = [CORNERS, CERTIFICATE].map(|name| folder.join(name));
+    let [corners, halved, certificate] = [CORNERS, HALVED, CERTIFICATE].map(|name| folder.join(name));
+    let halvings = || {
+        let first = record.domain.mesh().points().len() - record.halved.len();
+        let rows = (first as u32..).zip(record.halved);
+        write_csv(&halved, rows.map(|(vertex, [from, to])| HalvedRow { vertex, from: from.0, to: to.0 }))
+    };
     // On a disk that fills up, the image is what cannot be had again without the whole computation.
     let written = [
         ("image.vtu", mesh("image.vtu", image, "domain_position", points)),
         ("domain.vtu", mesh("domain.vtu", points, "image_position", image)),
         (CORNERS, record.corners.map_or_else(|| remove(&corners), |found| write_csv(&corners, cone_rows(found)))),
+        (HALVED, if record.halved.is_empty() { remove(&halved) } else { halvings() }),
         (
             CERTIFICATE,
             record.certificate.map_or_else(|| remove(&certificate), |found| write_certificate(&certificate, found)),

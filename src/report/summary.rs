@@ -1,8 +1,8 @@
 //! What a person reads of a run in a terminal.
 
 use super::{
-    BallFigures, BestBound, CornerFigures, DomainFigures, Limit, MapFigures, MapReport, RefinementFigures, Report,
-    Splits, Times, UntanglingFigures,
+    Achieved, BallFigures, BestBound, CornerFigures, DomainFigures, Limit, MapFigures, MapReport, RefinedFigures,
+    RefinementFigures, Report, Splits, Times, UntanglingFigures,
 };
 use crate::bound::{Kind, LowerBound, Scope};
 use crate::dilatation::{lower_bound, number, upper_bound};
@@ -10,6 +10,7 @@ use crate::measure::{Bottleneck, Summary};
 use crate::mesh::Place;
 use crate::mesh::io::on_one_line;
 use crate::optimize::StopReason;
+use crate::refine::RefineEnd;
 
 /// The width that a text is wrapped to.
 const COLUMNS: usize = 80;
@@ -57,6 +58,7 @@ pub fn summary(report: &Report) -> String {
             .as_ref()
             .map(|b| labelled("bottleneck", &bottleneck_in_words(b, decimals)))
             .unwrap_or_default(),
+        refined_line(&report.achieved),
         labelled("bijective", &bijective),
         labelled("stopped", &stop_in_words(report.achieved.stop, report.achieved.iterations)),
         format!("\n{}", bounds_table(&report.achieved.bounds, report.achieved.best, &report.achieved.limit)),
@@ -121,6 +123,31 @@ fn splits_in_words(splits: Splits) -> String {
     labelled("", &text)
 }
 
+/// What refinement where the largest K sits came to.
+fn refined_line(achieved: &Achieved) -> String {
+    let Some(RefinedFigures { tets_before, end, rounds }) = &achieved.refined else { return String::new() };
+    let why = match end {
+        RefineEnd::BoundaryValues => "the boundary values allow hardly less, on any mesh inside",
+        RefineEnd::Stalled => "the last rounds gained too little",
+        RefineEnd::Budget => "the next round would add more tets than refine.tets allows",
+        RefineEnd::Rounds => "these were all that refine.rounds asks for",
+        RefineEnd::NoEdge => "no tet that holds K has an edge left to halve",
+        RefineEnd::NotSettled => "the map was not settled",
+    };
+    let added = rounds.last().map_or(0, |round| round.tets - tets_before);
+    let reached = match (rounds.first(), rounds.last()) {
+        (Some(first), Some(last)) => {
+            format!(", max K {} after the first, {} after the last", number(first.max_k), number(last.max_k))
+        }
+        _ => String::new(),
+    };
+    let share = percent(added as f64 / *tets_before as f64);
+    let count = rounds.len();
+    let text =
+        format!("{count} round{} where K sits, {added} tet{} added ({share}){reached}; {why}", s(count), s(added));
+    labelled("refined", &text)
+}
+
 fn untangling_in_words(untangling: &UntanglingFigures, remedy: &str) -> String {
     let mut steps = format!(
         "{} flipped at the start, {} step{}",
@@ -174,6 +201,7 @@ pub fn map_summary(report: &MapReport) -> String {
             .as_ref()
             .map(|u| labelled("untangled", &untangling_in_words(u, REFINE)))
             .unwrap_or_default(),
+        refined_line(&report.achieved),
         labelled(
             "active",
             &format!("{} tet{} within 0.1 % of the max K", report.achieved.active, s(report.achieved.active)),

@@ -70,6 +70,7 @@ fn write(flip: bool) -> (tempfile::TempDir, Report) {
             splits: None,
             initial: before.summary.clone(),
             untangling: None,
+            refined: None,
             last: after.summary.clone(),
             active: 1,
             best: BestBound::of(&bounds, after.summary.max_k),
@@ -89,6 +90,7 @@ fn write(flip: bool) -> (tempfile::TempDir, Report) {
         max_k: after.summary.max_k,
         mean_k: 1.0,
         step: 1.0,
+        round: 0,
         progress: 0.5,
         seconds: 0.5,
     };
@@ -96,6 +98,7 @@ fn write(flip: bool) -> (tempfile::TempDir, Report) {
     let record = MapRecord {
         domain: &domain,
         corners: None,
+        halved: &[],
         initial: &initial,
         image: &image,
         measured_initial: &before,
@@ -186,7 +189,7 @@ fn infinities_are_null_in_json_and_inf_in_tables() {
 fn tables_have_a_row_an_entry() {
     let (folder, report) = write(false);
     let trace = read(&folder, "trace.csv");
-    assert_eq!(trace.lines().next(), Some("phase,iteration,objective,max_k,mean_k,step,progress,seconds"));
+    assert_eq!(trace.lines().next(), Some("phase,iteration,objective,max_k,mean_k,step,round,progress,seconds"));
     assert_eq!(trace.lines().count(), 3);
     let cells = read(&folder, "cells.csv");
     let mut table = csv::Reader::from_reader(cells.as_bytes());

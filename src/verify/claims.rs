@@ -107,6 +107,7 @@ fn figures(
             &untangled,
             told.untangling.as_ref().map_or(0, |untangling| untangling.refinement_splits),
         ),
+        refined: told.refined.clone(),
         stop: told.stop,
         kkt: told.kkt,
         iterations: told.iterations,

@@ -11,9 +11,11 @@ use crate::domain::Domain;
 use crate::map::Corners;
 use crate::measure::{Measured, Summary};
 use crate::mesh::io::{TetFile, read_tet_file};
-use crate::mesh::{TetId, TetMesh, Unit, Vec3};
+use crate::mesh::{TetId, TetMesh, Unit, Vec3, VertexId};
 use crate::optimize::TraceRow;
-use crate::report::{CORNERS, CellRow, FILES, INCOMPLETE, MapRecord, Report, START, read_corners, write_results};
+use crate::report::{
+    CORNERS, CellRow, FILES, HALVED, HalvedRow, INCOMPLETE, MapRecord, Report, START, read_corners, write_results,
+};
 
 /// What to do about a file that is missing or broken.
 const REMEDY: &str = "copy it from where it was written, or run the config again";
@@ -36,6 +38,8 @@ pub(super) struct Files {
     pub cells: Vec<CellRow>,
     pub trace: Vec<TraceRow>,
     pub certificate: Option<Certificate>,
+    /// The ends of the edges that refinement halved, in this order.
+    pub halved: Vec<[VertexId; 2]>,
     /// The corners of the map, with their exponents.
     pub corners: Option<Corners>,
 }
@@ -86,7 +90,22 @@ impl Files {
                 None
             }
         };
+        let refined = folder.join(HALVED);
+        let halved = if refined.exists() { table::<HalvedRow>(&refined, findings) } else { Some(Vec::new()) };
         let (report, domain, image, cells, trace) = (report?, domain?, image?, cells?, trace?);
+        let halved = halved?;
+        let first = domain.soup.points.len().saturating_sub(halved.len());
+        let row = (first..).zip(&halved).position(|(vertex, row)| {
+            let [named, from, to] = [row.vertex, row.from, row.to].map(|v| v as usize);
+            named != vertex || from >= vertex || to >= vertex
+        });
+        if let Some(row) = row {
+            findings.found(format!(
+                "row {row} of {HALVED} (counted from 0) puts no vertex between two that come before it"
+            ));
+            return None;
+        }
+        let halved: Vec<[VertexId; 2]> = halved.iter().map(|row| [row.from, row.to].map(VertexId)).collect();
 
         findings.begin("domain.vtu and image.vtu are one mesh, a ball of positively oriented tets by exact predicate");
         let same = domain.soup.points.len() == image.soup.points.len() && domain.soup.tets == image.soup.tets;
@@ -124,7 +143,8 @@ impl Files {
         findings.expect(corners.as_ref().map(Corners::exponents) == told, || {
             format!("{CORNERS} has other corners or exponents than the report")
         });
-        let files = Self { report, domain, units: [unit, of_image], image, start, cells, trace, certificate, corners };
+        let units = [unit, of_image];
+        let files = Self { report, domain, units, image, start, cells, trace, certificate, halved, corners };
         files.check_bytes(folder, findings);
         Some(files)
     }
@@ -141,6 +161,7 @@ impl Files {
         let record = MapRecord {
             domain: &self.domain,
             corners: self.corners.as_ref(),
+            halved: &self.halved,
             initial: &self.start,
             image: &self.image,
             measured_initial: &measured(
@@ -161,7 +182,11 @@ impl Files {
             Ok(again) => again,
             Err(error) => return findings.found(format!("the files cannot be written once more: {error}")),
         };
-        let further = [self.certificate.is_some().then_some(CERTIFICATE), self.corners.is_some().then_some(CORNERS)];
+        let further = [
+            self.certificate.is_some().then_some(CERTIFICATE),
+            self.corners.is_some().then_some(CORNERS),
+            (!self.halved.is_empty()).then_some(HALVED),
+        ];
         for name in FILES.into_iter().chain(further.into_iter().flatten()) {
             let [there, expected] = [folder, again.path()].map(|folder| std::fs::read(folder.join(name)));
             match (there, expected) {
@@ -183,7 +208,7 @@ impl Files {
 
 /// Refuses what no run writes.
 fn others(folder: &Path, findings: &mut Findings) {
-    let known = || FILES.into_iter().chain(PAGES).chain([CERTIFICATE, CORNERS]);
+    let known = || FILES.into_iter().chain(PAGES).chain([CERTIFICATE, CORNERS, HALVED]);
     let names: BTreeSet<String> = match std::fs::read_dir(folder) {
         Ok(entries) => entries.flatten().map(|entry| entry.file_name().to_string_lossy().into_owned()).collect(),
         Err(error) => return findings.found(format!("the folder cannot be listed: {error}")),

@@ -10,11 +10,14 @@ use crate::map::{CornerChoice, Corners};
 use crate::mesh::Vec3;
 use crate::mesh::io::shown_path;
 use crate::optimize::BoundaryValues;
+use crate::report::HALVED;
 use crate::solid::StarCentre;
 
 /// Distance, relative to the extent of all positions, within which two are the same: elementary functions differ in their last
 /// bits from one machine to the next.
 const SAME: f64 = 1e-11;
+/// Relative amount by which K may rise from one round of refinement to the next, for its rounding.
+const SAME_ROUND: f64 = 1e-9;
 
 /// The run's name, seed and config, and what it started from on the domain of the files.
 pub(super) struct Again {
@@ -53,10 +56,34 @@ pub(super) fn again(files: &Files, findings: &mut Findings) -> Option<Again> {
             .trust("that the domain is the config's with edges halved where tets resisted untangling, and its start");
         return Some(as_told(source));
     }
+    let refined = &report.achieved.refined;
+    findings.expect(refined.is_some() == plan.refine.is_some(), || {
+        "the report has rounds of refinement that the config does not ask for, or lacks them".into()
+    });
+    rounds(files, findings);
+    let external = matches!(plan.mesh, MeshPlan::External(_))
+        || report.domain.centre.is_none() && matches!(plan.mesh, MeshPlan::Auto { .. });
+    if external && !files.halved.is_empty() {
+        findings.trust("that the domain is the mesher's with the edges halved that refined.csv names, and its start");
+        return Some(as_told(source));
+    }
     let start = match make(&plan, files, findings) {
         Ok(start) => start.told_by(&report.map.map),
         Err(error) => {
             findings.found(format!("the config makes no start: {error}"));
+            return Some(as_told(source));
+        }
+    };
+    if let Some(told) = refined {
+        let before = start.domain.mesh().tets().len();
+        findings.expect(told.tets_before == before, || {
+            format!("the mesh before the refinement had {before} tets, not {}", told.tets_before)
+        });
+    }
+    let start = match start.halved(&files.halved) {
+        Ok(start) => start,
+        Err(error) => {
+            findings.found(format!("{HALVED} halves what the config's domain does not have: {error}"));
             return Some(as_told(source));
         }
     };
@@ -102,6 +129,33 @@ pub(super) fn again(files: &Files, findings: &mut Findings) -> Option<Again> {
     corners(&plan, files, start.corners.as_ref(), findings);
     let start = Start { domain: files.domain.clone(), units: files.units, corners: files.corners.clone(), ..start };
     Some(Again { name: plan.name.clone(), seed: plan.seed, source, start, made: true })
+}
+
+/// Holds the rounds of refinement against the edges that were halved in them and the map that they led to.
+fn rounds(files: &Files, findings: &mut Findings) {
+    let achieved = &files.report.achieved;
+    let Some(refined) = &achieved.refined else {
+        return findings
+            .expect(files.halved.is_empty(), || format!("{HALVED} is of a refinement that the report does not have"));
+    };
+    let edges: usize = refined.rounds.iter().map(|round| round.edges).sum();
+    findings.expect(edges == files.halved.len(), || {
+        format!("the rounds have halved {edges} edges, but {HALVED} names {}", files.halved.len())
+    });
+    let tets = refined.rounds.last().map_or(refined.tets_before, |round| round.tets);
+    findings.expect(tets == files.cells.len(), || {
+        format!("the last round ended with {tets} tets, not {}", files.cells.len())
+    });
+    // Of the optimizer's own decompositions, as the rows of the trace.
+    let mut reached = f64::INFINITY;
+    for (index, round) in refined.rounds.iter().enumerate() {
+        findings.expect(round.max_k <= reached * (1.0 + SAME_ROUND), || {
+            format!("K rises in round {index} of the refinement")
+        });
+        reached = round.max_k;
+    }
+    findings
+        .trust("which tets the rounds of refinement were made for, and what the rounds before the last had reached");
 }
 
 /// Holds the warped cones against those that the config makes, and their exponents against those it gives.

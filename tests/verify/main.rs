@@ -3,6 +3,7 @@
 mod certificate;
 mod folder;
 mod forgeries;
+mod refined;
 
 use std::fs;
 

@@ -71,6 +71,7 @@ pub fn untangle_locally(
             max_k: if flipped.is_empty() { f64::NAN } else { f64::INFINITY },
             mean_k: f64::INFINITY,
             step: 1.0,
+            round: 0,
             progress: 0.0,
             seconds: best.seconds,
         });

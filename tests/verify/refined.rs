@@ -1,0 +1,58 @@
+//! Runs with refinement where the largest K sits, and tampering with their meshes and rounds.
+
+use std::fs;
+
+use serde_json::{Value, json};
+
+use super::folder::{
+    Tampering, edit_cell, edit_maps, edit_report, edit_text, every_one_is_found, qcball, report, results,
+};
+
+const REFINED: &[&str] = &["refine.rounds=3", "refine.tets=\"60 %\"", "refine.until=0.001"];
+
+/// The same of a run with refinement. Its last vertices are middles of edges.
+const TAMPERINGS_OF_REFINEMENT: &[Tampering] = &[
+    (
+        "a new vertex moved in the domain",
+        |f| {
+            edit_maps(f, |m| m.domain.soup.points.last_mut().unwrap().x += 1e-6);
+        },
+        "of domain.vtu",
+    ),
+    ("a new vertex moved in the start", |f| edit_maps(f, |m| m.start().last_mut().unwrap().x += 1e-6), "of the start"),
+    ("an old vertex moved in the domain", |f| edit_maps(f, |m| m.domain.soup.points[40].x += 1e-6), "of domain.vtu"),
+    (
+        "another edge halved",
+        |f| {
+            let column = 1;
+            edit_cell(f, "refined.csv", 0, column, |from| if from == "0" { "1".into() } else { "0".into() });
+        },
+        "refined.csv halves what",
+    ),
+    ("an edge that is none", |f| edit_cell(f, "refined.csv", 0, 1, |_| "100000".into()), "refined.csv"),
+    (
+        "the last halving left out",
+        |f| {
+            edit_text(f, "refined.csv", |text| {
+                let lines: Vec<&str> = text.lines().collect();
+                lines[..lines.len() - 1].join("\n") + "\n"
+            });
+        },
+        "refined.csv",
+    ),
+    ("the halvings removed", |f| fs::remove_file(f.join("refined.csv")).unwrap(), "refine"),
+    ("a round's edges", |f| edit_report(f, "/refined/rounds/0/edges", |n| json!(n.as_u64().unwrap() + 1)), "edges"),
+    ("the tets before", |f| edit_report(f, "/refined/tets_before", |_| json!(1)), "before"),
+    ("a round that raises K", |f| edit_report(f, "/refined/rounds/0/max_k", |_| json!(1.0)), "rises"),
+    ("the rounds forgotten", |f| edit_report(f, "/refined", |_| Value::Null), "refine"),
+];
+
+#[test]
+fn a_refined_run_is_verified_and_every_tampering_with_it_is_found() {
+    let folder = results(REFINED);
+    let refined = report(folder.path()).achieved.refined.expect("rounds were asked for");
+    assert!(!refined.rounds.is_empty(), "{refined:?}");
+    let (code, text) = qcball(&["verify"], folder.path());
+    assert!(code == Some(0) && text.contains("rounds of refinement"), "{text}");
+    every_one_is_found(folder.path(), TAMPERINGS_OF_REFINEMENT);
+}
