@@ -21,6 +21,7 @@ mod tokens;
 mod vtk;
 mod write;
 
+#[cfg(feature = "cli")]
 pub(crate) use text::{is_harmful, on_one_line};
 
 pub use atomic::{WriteError, check_file_can_be_put, check_folder_is_writable, write_atomically};
