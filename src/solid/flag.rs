@@ -7,7 +7,8 @@
 //!
 //! In a flag the linear function that is 0 at V and 1 on O C E is what a warp of the corner needs (see `map::corner`).
 
-use crate::mesh::{MeshError, TetMesh, Vec3, VertexId};
+use crate::dilatation::Dilatation;
+use crate::mesh::{MeshError, TetMesh, Vec3, VertexId, edge_matrix};
 use crate::solid::Surface;
 use crate::solid::faces::{Faces, flat_faces};
 use crate::solid::shell::{MOST_TETS, cone_tets, layer_fractions};
@@ -102,7 +103,38 @@ pub fn flag_mesh(surface: &Surface, centre: Vec3, settings: &FlagSettings) -> Re
         return Err(FlagError::TooLarge { flags, tets_a_flag });
     }
     let bases = Bases::new(&faces, centre, settings);
-    cones(&faces, bases, settings)
+    let mut best: Option<(f64, FlagMesh)> = None;
+    for order in [Order::Numbers, Order::Outward, Order::Inward] {
+        let flags = cones(&faces, &bases, settings, order)?;
+        let k = radial_dilatation(&flags, tets_a_flag);
+        if best.as_ref().is_none_or(|(least, _)| k < *least) {
+            best = Some((k, flags));
+        }
+    }
+    let (_, flags) = best.expect("there are three of them");
+    Ok(flags)
+}
+
+/// The largest K of the piecewise-linear map that agrees at the vertices with the radial one about O.
+fn radial_dilatation(flags: &FlagMesh, tets_a_flag: usize) -> f64 {
+    let at = |v: VertexId| flags.mesh.points()[v.index()];
+    let of_flag = |(flag, tets): (&Flag, &[[VertexId; 4]])| {
+        let [o, c, e] = flag.base.map(at);
+        let normal = (c - at(flag.corner)).cross(&(e - at(flag.corner)));
+        let radial = |x: Vec3| {
+            let (offset, distance) = (x - o, normal.dot(&(c - o)));
+            // The share of the way to the face, in the direction of the point; 0 at O.
+            let scale = normal.dot(&offset) / distance / offset.norm();
+            if scale.is_finite() { offset * scale } else { Vec3::zeros() }
+        };
+        let of_tet = |tet: &[VertexId; 4]| {
+            let corners = tet.map(at);
+            let inverse = edge_matrix(corners).try_inverse();
+            inverse.map_or(f64::INFINITY, |inverse| Dilatation::of(&(edge_matrix(corners.map(radial)) * inverse)).k())
+        };
+        tets.iter().map(of_tet).fold(1.0, f64::max)
+    };
+    flags.flags.iter().zip(flags.mesh.tets().chunks(tets_a_flag)).map(of_flag).fold(1.0, f64::max)
 }
 
 fn check(settings: &FlagSettings) -> Result<(), FlagError> {
@@ -120,9 +152,24 @@ fn check(settings: &FlagSettings) -> Result<(), FlagError> {
     Ok(())
 }
 
+/// What the diagonals of the layers follow: they run from the inner end of what comes first. Which is best depends on the solid and on
+/// the numbers of rings and sectors; a cube's radial map has K 5.9 with one and 7.8 with another at two of each, 14.4 and 6.7 at
+/// three. It is tried.
+#[derive(Clone, Copy)]
+enum Order {
+    /// The numbers of the points.
+    Numbers,
+    /// Ring by ring from the edge, in each from the face.
+    Outward,
+    /// The same, in each ring towards the face.
+    Inward,
+}
+
 /// The points of all triangles O C E, each named once.
 struct Bases {
     points: Vec<Vec3>,
+    /// Ring and sector of each point.
+    places: Vec<(u32, u32)>,
     sectors: u32,
     rings: u32,
     /// The number of faces; of edges.
@@ -137,6 +184,7 @@ impl Bases {
         let middles: Vec<Vec3> =
             faces.edges.iter().map(|ends| (faces.points[ends[0]] + faces.points[ends[1]]) * 0.5).collect();
         let mut points = vec![centre];
+        let mut places = vec![(rings, n)];
         // The ends of the sectors, on the line from C to O. The angles at the edges of a face are divided evenly, as far as
         // one division of the line can do that for all of them: in the mean.
         let mut ends = Vec::with_capacity(faces.loops.len() * n as usize);
@@ -148,19 +196,23 @@ impl Bases {
             }
         }
         points.extend_from_slice(&ends);
+        places.extend((0..faces.loops.len()).flat_map(|_| (0..n).map(|sector| (rings, sector))));
         for middle in &middles {
             points.push(*middle);
             points.extend(fractions[..rings as usize - 1].iter().map(|r| middle + (centre - middle) * *r));
+            places.extend((0..rings).map(|ring| (ring, n)));
         }
         for (face, sides) in faces.sides.iter().enumerate() {
             for &edge in sides {
                 for sector in 0..n as usize {
                     let along = ends[face * n as usize + sector] - middles[edge];
                     points.extend(fractions[..rings as usize - 1].iter().map(|r| middles[edge] + along * *r));
+                    places.extend((1..rings).map(|ring| (ring, sector as u32)));
                 }
             }
         }
-        Self { points, sectors: n, rings, faces: faces.loops.len() as u32, edges: faces.edges.len() as u32 }
+        let (faces, edges) = (faces.loops.len() as u32, faces.edges.len() as u32);
+        Self { points, places, sectors: n, rings, faces, edges }
     }
 
     /// The point of a face's triangle at an edge: `ring` 0 is E, the last one is the line from C to O; sector 0 runs to C,
@@ -175,6 +227,20 @@ impl Bases {
             (ring, sector) if ring == self.rings => 1 + face * self.sectors + sector,
             (ring, sector) => of_sides + (side * self.sectors + sector) * (self.rings - 1) + ring - 1,
         }
+    }
+
+    /// The points in an order.
+    fn by_rank(&self, order: Order) -> Vec<u32> {
+        let mut points: Vec<u32> = (0..self.points.len() as u32).collect();
+        points.sort_by_key(|&point| {
+            let (ring, sector) = self.places[point as usize];
+            match order {
+                Order::Numbers => (0, 0, point),
+                Order::Outward => (ring, sector, point),
+                Order::Inward => (ring, self.sectors - sector, point),
+            }
+        });
+        points
     }
 
     /// The triangles, positively oriented as bases of a cone whose apex is the start of the side.
@@ -204,7 +270,10 @@ fn share(c: &Vec3, o: &Vec3, e: &Vec3, part: f64) -> f64 {
 }
 
 /// The layers over the bases, towards the corners.
-fn cones(faces: &Faces, bases: Bases, settings: &FlagSettings) -> Result<FlagMesh, FlagError> {
+fn cones(faces: &Faces, bases: &Bases, settings: &FlagSettings, order: Order) -> Result<FlagMesh, FlagError> {
+    let by_rank = bases.by_rank(order);
+    let mut ranks = vec![0; by_rank.len()];
+    (0..).zip(&by_rank).for_each(|(rank, &point)| ranks[point as usize] = rank);
     let layers = settings.layers as usize;
     let fractions = layer_fractions(settings.layers, settings.grading);
     let mut points = bases.points.clone();
@@ -223,7 +292,7 @@ fn cones(faces: &Faces, bases: Bases, settings: &FlagSettings) -> Result<FlagMes
                 let apex = VertexId(base + corner as u32);
                 flags.push(Flag { corner: apex, base: flag_base.map(VertexId) });
                 for triangle in &triangles {
-                    let [a, b, c] = *triangle;
+                    let [a, b, c] = triangle.map(|point| ranks[point as usize]);
                     for &point in triangle {
                         inner[corner].entry(point).or_insert_with(|| {
                             let start = points.len() as u32;
@@ -232,7 +301,8 @@ fn cones(faces: &Faces, bases: Bases, settings: &FlagSettings) -> Result<FlagMes
                             start
                         });
                     }
-                    let vertex = |layer: usize, point: u32| {
+                    let vertex = |layer: usize, rank: u32| {
+                        let point = by_rank[rank as usize];
                         VertexId(if layer + 1 == layers { point } else { inner[corner][&point] + layer as u32 })
                     };
                     cone_tets(&mut tets, apex, if turned { [a, c, b] } else { [a, b, c] }, layers, vertex);
@@ -311,6 +381,28 @@ mod tests {
                 // 0.63 (tetrahedron) to 2.5 (dodecahedron): long prisms along the edges.
                 assert!(settings != FlagSettings::default() || angle > 0.6, "{flags} flags: {angle} degrees");
             }
+        }
+    }
+
+    #[test]
+    fn the_radial_map_is_not_much_worse_on_fine_flags_than_it_is() {
+        use crate::map::{RadialCoordinates, RayEnd, caraman};
+        use crate::measure::measure;
+        let surface = Solid::Cube.surface().unwrap();
+        for settings in [
+            FlagSettings::default(),
+            FlagSettings { sectors: 2, rings: 2, layers: 2, grading: 1.3 },
+            FlagSettings { sectors: 2, rings: 3, layers: 2, grading: 1.3 },
+            FlagSettings { sectors: 3, rings: 3, layers: 3, grading: 1.3 },
+        ] {
+            let flags = mesh(&surface, &settings);
+            let told = radial_dilatation(&flags, settings.tets_a_flag());
+            let domain = Domain::new(flags.mesh).unwrap();
+            let rays = RadialCoordinates::of_domain(&domain, &surface, Vec3::zeros(), RayEnd::Only).unwrap();
+            let k = measure(&domain, &caraman(&rays, 1.0)).summary.max_k;
+            assert!((k - told).abs() < 1e-9 * k, "{settings:?}: {k} {told}");
+            // ((sqrt 2 + sqrt 6) / 2)^3 = 7.21 of the smooth radial map; with the worst of the orders 11 to 14.
+            assert!(k < 7.5, "{settings:?}: {k}");
         }
     }
 
