@@ -283,6 +283,19 @@ fn the_viewer_draws_cuts_and_changes_colours_in_a_browser() {
         viewer.dispatchEvent(new KeyboardEvent('keydown', { key: '+' }));
         await pause();
         seen.linked = eye('scene').z === eye('scene2').z;
+        // The wheel over the image moves both; the cameras that are drawn, not those that were asked for.
+        const distance = (scene) => Math.hypot(...Object.values(viewer._fullLayout[scene]._scene.getCamera().eye));
+        const near0 = distance('scene');
+        const canvas = viewer._fullLayout.scene2._scene.glplot.canvas;
+        const place = canvas.getBoundingClientRect();
+        for (let turn = 0; turn < 3; turn++) {
+          canvas.dispatchEvent(new WheelEvent('wheel', { deltaY: 100, clientX: place.x + place.width / 2, clientY: place.y + place.height / 2, bubbles: true, cancelable: true }));
+          await pause();
+        }
+        await pause();
+        seen.wheel = [near0, distance('scene'), distance('scene2')];
+        document.getElementById('reset').click();
+        await pause();
         seen.theme = [root.dataset.theme];
         document.getElementById('theme').click();
         seen.theme.push(root.dataset.theme);
@@ -317,6 +330,8 @@ fn the_viewer_draws_cuts_and_changes_colours_in_a_browser() {
     assert!(probe["placesLegend"] == true && (probe["top"].as_f64().unwrap() - 2.0).abs() < 1e-9, "{probe}");
     assert!(probe["words"].as_str().unwrap().contains("K_I"), "{probe}");
     assert!(probe["turned"] == true && probe["linked"] == true, "{probe}");
+    let [before, domain, image] = [0, 1, 2].map(|index| probe["wheel"][index].as_f64().unwrap());
+    assert!((domain - before).abs() > 0.1 * before && (domain - image).abs() < 1e-3 * image, "{probe}");
     assert!(probe["theme"][0] != probe["theme"][1], "{probe}");
     assert_eq!(probe["unnamed"], serde_json::json!([]), "every control has a name");
     assert!(probe["charts"].as_array().unwrap().iter().all(|traces| traces.as_u64().unwrap() > 0), "{probe}");

@@ -254,6 +254,26 @@ async function startViewer() {
       }
     });
   }
+  // plotly.js tells of a turn of the wheel before the camera has moved: it is followed until it rests.
+  let frames = 0;
+  function follow() {
+    for (const scene of ["scene", "scene2"]) {
+      const to = box._fullLayout[scene]._scene.getCamera();
+      const moved = ["x", "y", "z"].some((axis) => Math.abs(to.eye[axis] - camera.eye[axis]) > 1e-6);
+      if (moved) {
+        frames = 12;
+        // Both: the other's new camera would take this one back to where the layout has it.
+        look(to);
+        break;
+      }
+    }
+    if (--frames > 0) setTimeout(follow, 16);
+  }
+  box.addEventListener("wheel", () => {
+    const resting = frames <= 0;
+    frames = 12;
+    if (resting) setTimeout(follow, 16);
+  }, { passive: true, capture: true });
   box.on("plotly_hover", ({ points: [point] }) => {
     if (point.curveNumber % 3 === 0) byId("hover").textContent = words(shown, point.pointNumber).join("; ");
   });
