@@ -153,7 +153,7 @@ pub struct MeshTable {
     pub kind: MeshKind,
     /// Each surface triangle is first split into this number squared, at least 1 (shell). Default: 1; and if
     /// neither this nor `edge_length` nor `cells` is given, edges are halved until the image is nearly a ball: until the radial
-    /// map of the image polyhedron onto the ball has no K above 1.25.
+    /// map of the image polyhedron onto the ball has no K above 1.25, or there are 500,000 tetrahedra.
     #[schemars(range(min = 1, max = 1000))]
     pub subdivisions: Option<i64>,
     /// In the solid's own units, > 0. shell: halve the longest edges until none is longer; not together with `cells`.

@@ -6,6 +6,7 @@ use super::corners::{Flags, corners};
 use super::error::{Fault, RunError};
 use crate::cancel::Cancel;
 use crate::config::{DomainSource, InitialMap, MeshPlan, Plan};
+use crate::dilatation::number;
 use crate::domain::Domain;
 use crate::map::{AnalyticMap, Corners, RadialCoordinates, RayEnd, caraman, spherical_starts};
 use crate::measure::{Measured, measure_elements, measure_onto_ball};
@@ -196,17 +197,29 @@ impl Start {
     ) -> Result<Self, Fault> {
         let shell = shell_mesh(surface, centre.position, settings)?;
         let coordinates = RadialCoordinates::of_shell(&shell);
-        let refinement = matches!(settings.refinement, Some(Refinement::Ball(_))).then(|| RefinementFigures {
-            triangles_before: surface.triangles().len(),
-            largest_stretch: inscribed_stretch(&shell.surface, &centre.position),
-        });
+        let mut refinement = None;
+        let mut warning = None;
+        if let Some(Refinement::Ball(wanted)) = settings.refinement {
+            let largest_stretch = inscribed_stretch(&shell.surface, &centre.position);
+            if largest_stretch > wanted {
+                warning = Some(format!(
+                    "the surface was refined up to {} tets and no further: the radial map of its image onto the ball has a K of {} still, \
+                     not {wanted}; mesh.cells asks for more tets",
+                    shell.mesh.tets().len(),
+                    number(largest_stretch)
+                ));
+            }
+            refinement = Some(RefinementFigures { triangles_before: surface.triangles().len(), largest_stretch });
+        }
         let domain = Domain::new(shell.mesh)?;
         let start = match &plan.map {
             InitialMap::Formula(map) => Self::of_formula(domain, map, unit)?,
             InitialMap::Spherical => Self::of_sphere(domain)?,
             _ => Self::of_rays(domain, surface, Some(centre), &coordinates, plan),
         };
-        Ok(Self { refinement, ..start })
+        let mut start = Self { refinement, ..start };
+        start.warnings.extend(warning);
+        Ok(start)
     }
 
     fn of_mesh(soup: TetSoup, plan: &Plan, unit: Unit) -> Result<Self, Fault> {

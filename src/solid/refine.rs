@@ -205,7 +205,7 @@ pub fn inscribed_stretch(surface: &Surface, centre: &Vec3) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::solid::{Refinement, ShellSettings, Solid, shell_mesh};
+    use crate::solid::{MOST_TETS_FOR_BALL, Refinement, ShellSettings, Solid, shell_mesh};
 
     fn settings(refinement: Refinement) -> ShellSettings {
         ShellSettings { subdivisions: 1, refinement: Some(refinement), layers: 3, grading: 1.0 }
@@ -250,5 +250,16 @@ mod tests {
             assert!((320..2000).contains(&triangles), "{solid}: {triangles}");
             assert!((shell.surface.volume() - surface.volume()).abs() < 1e-12 * surface.volume());
         }
+    }
+
+    #[test]
+    fn the_ball_is_not_paid_for_with_millions_of_tets() {
+        let surface = Solid::Cube.surface().unwrap();
+        let settings = ShellSettings { layers: 1000, ..settings(Refinement::Ball(1.3)) };
+        let shell = shell_mesh(&surface, Vec3::zeros(), &settings).unwrap();
+        // Two triangles come with the split that goes beyond the limit.
+        let (tets, a_triangle) = (shell.mesh.tets().len(), 3 * 1000 - 2);
+        assert!(tets > MOST_TETS_FOR_BALL - a_triangle && tets <= MOST_TETS_FOR_BALL + 2 * a_triangle, "{tets}");
+        assert!(inscribed_stretch(&shell.surface, &Vec3::zeros()) > 1.3);
     }
 }

@@ -16,7 +16,8 @@ pub enum Refinement {
     /// Longest edges are halved until the mesh has at least this many tets.
     Cells(usize),
     /// Edges are halved, seen from the star centre, until the surface's radial image on the sphere is so fine that the radial
-    /// map of that inscribed polyhedron onto the ball has no K above this, > 1: see [`crate::solid::inscribed_stretch`].
+    /// map of that inscribed polyhedron onto the ball has no K above this, > 1, or the mesh has [`MOST_TETS_FOR_BALL`] tets: see
+    /// [`crate::solid::inscribed_stretch`].
     Ball(f64),
 }
 
@@ -35,6 +36,10 @@ pub struct ShellSettings {
 
 /// Largest number of tets a shell mesh may have: above it 32-bit tables of the optimizer overflow.
 pub const MOST_TETS: usize = 100_000_000;
+
+/// Number of tets beyond which [`Refinement::Ball`] refines no further: a surface of needles, or one thousands of times as wide as it is
+/// thick, would otherwise take millions that nobody asked for.
+pub const MOST_TETS_FOR_BALL: usize = 500_000;
 
 /// Why no shell mesh was made.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -91,7 +96,9 @@ pub fn shell_mesh(surface: &Surface, centre: Vec3, settings: &ShellSettings) -> 
             halve_longest(&mut soup, |length, triangles| length > wanted && triangles <= most)
         }
         Some(Refinement::Cells(wanted)) => halve_longest(&mut soup, |_, triangles| triangles * per_triangle < wanted),
-        Some(Refinement::Ball(wanted)) => refine_onto_ball(&mut soup, &centre, wanted, most),
+        Some(Refinement::Ball(wanted)) => {
+            refine_onto_ball(&mut soup, &centre, wanted, MOST_TETS_FOR_BALL / per_triangle);
+        }
         None => {}
     }
     if soup.triangles.len() > most {
