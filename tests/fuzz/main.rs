@@ -53,7 +53,8 @@ fn files(folder: &Path) -> Vec<PathBuf> {
 }
 
 fn ending(name: &Path) -> String {
-    name.extension().unwrap_or_default().to_str().unwrap().to_lowercase()
+    let ending = name.extension().unwrap_or_default().to_str().unwrap().to_lowercase();
+    if ending == "gz" { "gii.gz".into() } else { ending }
 }
 
 fn corpus() -> Vec<Seed> {

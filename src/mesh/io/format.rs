@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use super::freesurfer;
+
 /// A format that surfaces are read from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SurfaceFormat {
@@ -15,6 +17,10 @@ pub enum SurfaceFormat {
     Stl,
     /// VTK's XML file of polygons.
     Vtp,
+    /// GIFTI, plain or packed by gzip.
+    Gifti,
+    /// FreeSurfer's binary triangles, such as `lh.pial`.
+    FreeSurfer,
 }
 
 /// A format that meshes of tets are read from and written in; those but TetGen's may hold a surface instead.
@@ -38,12 +44,14 @@ pub enum TetFormat {
     TetGen,
 }
 
-const SURFACES: [(&str, SurfaceFormat); 5] = [
+const SURFACES: [(&str, SurfaceFormat); 7] = [
     ("obj", SurfaceFormat::Obj),
     ("off", SurfaceFormat::Off),
     ("ply", SurfaceFormat::Ply),
     ("stl", SurfaceFormat::Stl),
     ("vtp", SurfaceFormat::Vtp),
+    ("gii", SurfaceFormat::Gifti),
+    ("gii.gz", SurfaceFormat::Gifti),
 ];
 
 const TETS: [(&str, TetFormat); 12] = [
@@ -62,9 +70,12 @@ const TETS: [(&str, TetFormat); 12] = [
 ];
 
 impl SurfaceFormat {
-    /// The format of a file by its ending, in any case.
+    /// The format of a file by its ending, in any case; FreeSurfer's, which has none, by the first bytes of a file whose ending
+    /// tells nothing else.
     pub fn of(path: &Path) -> Option<Self> {
-        find(&SURFACES, path)
+        find(&SURFACES, path).or_else(|| {
+            (TetFormat::of(path).is_none() && freesurfer::has_mark(path)).then_some(SurfaceFormat::FreeSurfer)
+        })
     }
 }
 
@@ -77,7 +88,7 @@ impl TetFormat {
 
 /// The endings that surfaces are read from, for messages; those of meshes may hold a surface too.
 pub(super) fn surface_endings() -> String {
-    SURFACES.map(|(ending, _)| format!(".{ending}")).join(", ")
+    SURFACES.map(|(ending, _)| format!(".{ending}")).join(", ") + " or FreeSurfer's files of any ending (lh.pial)"
 }
 
 /// The endings that meshes of tets are read from, for messages.
@@ -90,7 +101,12 @@ fn find<Format: Copy>(known: &[(&str, Format)], path: &Path) -> Option<Format> {
     known.iter().find(|(known, _)| *known == ending).map(|(_, format)| *format)
 }
 
-/// The file's ending in lower case, without the dot; empty if there is none.
+/// The file's ending in lower case, without the dot, and with the one before it if gzip added its own; empty if there is none.
 pub(super) fn ending_of(path: &Path) -> String {
-    path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default()
+    let ending = |path: &Path| path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
+    let last = ending(path).unwrap_or_default();
+    match ending(&path.with_extension("")) {
+        Some(before) if last == "gz" => before + ".gz",
+        _ => last,
+    }
 }

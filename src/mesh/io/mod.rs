@@ -6,6 +6,8 @@
 mod atomic;
 mod cells;
 mod format;
+mod freesurfer;
+mod gifti;
 mod gmsh;
 mod medit;
 mod numbers;
@@ -173,8 +175,9 @@ pub fn read_solid(path: &Path) -> Result<SolidFile, ReadError> {
     }
 }
 
-/// Reads a surface; the file's ending (in any case) tells the format: OBJ, OFF, PLY, STL, VTP, or one that cells are read
-/// from, which then has to hold polygons and no volumes.
+/// Reads a surface; the file's ending (in any case) tells the format: OBJ, OFF, PLY, STL, VTP, GIFTI (`.gii`,
+/// `.gii.gz`), or one that cells are read from, which then has to hold polygons and no volumes. A file of another ending is
+/// FreeSurfer's if it begins as these do.
 ///
 /// Polygons keep the file's order and are not checked but for their indices. Points are those of the file except that OBJ
 /// and STL points with equal coordinates become one, since these formats (or their usual writers) repeat a point for each
@@ -190,6 +193,12 @@ pub fn read_surface(path: &Path) -> Result<PolygonSoup, ReadError> {
         (Some(SurfaceFormat::Ply), _) => ply::read(path, &text()?),
         (Some(SurfaceFormat::Stl), _) => stl::read(path, read_bytes(path)?),
         (Some(SurfaceFormat::Vtp), _) => vtk::parse_xml(&text()?).and_then(Contents::into_surface).map_err(at(path)),
+        (Some(SurfaceFormat::Gifti), _) => {
+            gifti::parse(&read_bytes(path)?).and_then(Contents::into_surface).map_err(at(path))
+        }
+        (Some(SurfaceFormat::FreeSurfer), _) => {
+            freesurfer::parse(&read_bytes(path)?).and_then(Contents::into_surface).map_err(at(path))
+        }
         (None, Some(format)) => read_cells(path, format)?.into_surface().map_err(at(path)),
         (None, None) => Err(unknown(path, "surface")),
     }

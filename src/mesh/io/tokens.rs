@@ -200,6 +200,11 @@ fn is_space(byte: u8) -> bool {
     byte.is_ascii_whitespace() || byte == 0
 }
 
+/// The line of a place in the file, counted from 1.
+pub(super) fn line_at(file: &[u8], at: usize) -> usize {
+    1 + file[..at].iter().filter(|&&b| b == b'\n').count()
+}
+
 /// Where `mark` first occurs.
 pub(super) fn find(bytes: &[u8], mark: &[u8]) -> Option<usize> {
     let (&first, _) = mark.split_first()?;

@@ -1,6 +1,7 @@
 //! What people's files look like beside what the formats say: each kind with what is to be read of it, or the refusal.
 
 mod cells;
+mod neuroimaging;
 mod surfaces;
 
 use std::path::Path;
@@ -106,7 +107,7 @@ fn every_file_is_read_or_refused_as_it_should() {
 
 /// All of them.
 pub fn all() -> Cases {
-    [surfaces::all(), cells::all()].into_iter().flatten().collect()
+    [surfaces::all(), cells::all(), neuroimaging::all()].into_iter().flatten().collect()
 }
 
 #[test]

@@ -9,7 +9,7 @@ use base64::engine::general_purpose::STANDARD;
 use flate2::read::ZlibDecoder;
 
 use crate::mesh::io::numbers::{Encoding, Kind, Numbers};
-use crate::mesh::io::tokens::{Fault, Tokens};
+use crate::mesh::io::tokens::{Fault, Tokens, line_at};
 
 /// How many times the size of a file all its arrays may take in memory. zlib goes up to 1032 for bytes that are all the
 /// same, as flags may be; but points and indices do not repeat, so that a file with 100 constant arrays is within.
@@ -299,11 +299,6 @@ fn xz_size(stream: &[u8]) -> Option<u64> {
         return None;
     }
     (stream.get(index..index + 2)? == [0, 1]).then_some(size)
-}
-
-/// The line of a place in the file, counted from 1.
-pub(super) fn line_at(file: &[u8], at: usize) -> usize {
-    1 + file[..at].iter().filter(|&&b| b == b'\n').count()
 }
 
 fn truncated(needed: u64, there: usize) -> String {

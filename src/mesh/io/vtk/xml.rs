@@ -5,11 +5,11 @@ use std::path::Path;
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion};
 
-use super::arrays::{Array, Arrays, Layout, line_at};
+use super::arrays::{Array, Arrays, Layout};
 use super::cells::{Grid, POLYGON, STRIP};
 use crate::mesh::io::cells::{Contents, vectors};
 use crate::mesh::io::numbers::Kind;
-use crate::mesh::io::tokens::{Fault, find};
+use crate::mesh::io::tokens::{Fault, find, line_at};
 use crate::mesh::io::{ReadError, at, read_bytes, text};
 
 /// Reads the points, cells and scalar cell data of an unstructured grid, or the polygons of PolyData; several pieces are
