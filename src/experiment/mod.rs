@@ -186,20 +186,35 @@ fn optimized(
 ) -> Result<(Untangled, usize, Outcome, Option<Rounds>), Fault> {
     let settings = &plan.optimize;
     let Some(corners) = start.corners.take() else {
-        let tangled = Tangled {
-            domain: start.domain.clone(),
-            start: start.image.clone(),
-            second: start.second.clone(),
-            fixed: None,
-            may_refine: !plan.keep_mesh,
-        };
         // One time limit for all that follows, and one polish at its end.
         let settings = &settings.starting_now();
         let first = OptimizeSettings {
             polish: if plan.refine.is_some() { Polish::None } else { settings.polish },
             ..settings.clone()
         };
-        let (freed, outcome) = tangled.free_and_optimize(&first, observe)?;
+        let free_and_optimize = |start: &Start, observe: &mut dyn FnMut(&TraceRow)| {
+            let tangled = Tangled {
+                domain: start.domain.clone(),
+                start: start.image.clone(),
+                second: start.second.clone(),
+                fixed: None,
+                may_refine: !plan.keep_mesh,
+            };
+            tangled.free_and_optimize(&first, observe)
+        };
+        let (mut freed, mut outcome) = free_and_optimize(start, observe)?;
+        let resisting = freed.untangled.resisting.len();
+        if resisting > 0
+            && outcome.stop == StopReason::StillFlipped
+            && let Some(spherical) = start.in_spherical()
+        {
+            let (mut other, of_other) = free_and_optimize(&spherical, observe)?;
+            if other.untangled.resisting.len() < resisting {
+                other.untangled.iterations += freed.untangled.iterations;
+                other.untangled.seconds += freed.untangled.seconds;
+                (*start, freed, outcome) = (spherical, other, of_other);
+            }
+        }
         start.take_freed(&freed);
         let (untangled, splits) = (freed.untangled, freed.refinement_splits);
         let Some(refinement) = &plan.refine else { return Ok((untangled, splits, outcome, None)) };

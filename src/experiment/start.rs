@@ -38,6 +38,8 @@ pub(crate) struct Start {
     pub image: Vec<Vec3>,
     /// Others with the same boundary, to begin again with where tets resist; spherical starts only.
     pub second: Option<Vec<Vec3>>,
+    /// Whether a spherical start may take the place of this radial one, where its tets resist untangling.
+    pub may_be_spherical: bool,
     pub map: MapFigures,
     /// How the surface was refined, if that was left to the program.
     pub refinement: Option<RefinementFigures>,
@@ -293,7 +295,8 @@ impl Start {
             closed_form_k: None,
             boundary_map: None,
         };
-        Self { centre, ..Self::with(domain, caraman(coordinates, exponent), map) }
+        let may_be_spherical = matches!(plan.map, InitialMap::Auto { .. });
+        Self { centre, may_be_spherical, ..Self::with(domain, caraman(coordinates, exponent), map) }
     }
 
     /// The boundary onto the sphere by progressive embedding, the inside in balance between its neighbours.
@@ -319,6 +322,7 @@ impl Start {
             centre: None,
             image,
             second: None,
+            may_be_spherical: false,
             map,
             refinement: None,
             splits: None,
@@ -352,8 +356,25 @@ impl Start {
         Ok(Self { domain, image: subdivision.extend(self.image), ..self })
     }
 
-    /// The same from the second positions, if that is what the words for the map say.
+    /// The same domain with a spherical start, if one may take this one's place and the boundary has a map onto the sphere.
+    pub fn in_spherical(&self) -> Option<Self> {
+        let sphere = self.may_be_spherical.then(|| Self::of_sphere(self.domain.clone()).ok())??;
+        let mut warnings = self.warnings.clone();
+        warnings.push(
+            "the solid is star-shaped, but tets of the radial start resisted untangling: the map started from is the spherical one"
+                .into(),
+        );
+        let Self { image, second, map, .. } = sphere;
+        Some(Self { image, second, map, warnings, centre: None, may_be_spherical: false, ..self.clone() })
+    }
+
+    /// The same from the spherical start or from the second positions, if that is what the words for the map say.
     pub fn told_by(mut self, map: &str) -> Self {
+        if [Self::FIRST, Self::SECOND].contains(&map)
+            && let Some(spherical) = self.in_spherical()
+        {
+            self = spherical;
+        }
         if map == Self::SECOND
             && let Some(second) = self.second.take()
         {

@@ -31,7 +31,9 @@ pub use engine::{Engine, MOST_TETS_CONSERVATIVE, MOST_TETS_QUADRATIC};
 use minimax::Ending;
 pub use recorder::KktResidual;
 use recorder::{PhaseEnd, Progress, Recorder};
-pub use untangle::{Freed, Refined, Tangled, Untangled, flipped_tets, refine_and_untangle, untangle, untangle_locally};
+pub use untangle::{
+    Freed, Refined, Shapes, Tangled, Untangled, flipped_tets, refine_and_untangle, untangle, untangle_locally,
+};
 
 /// Exponents of the continuation, each phase started from the last. Steps of about three: with larger ones the next
 /// phase starts far from its minimum and ends in a worse local one.

@@ -5,7 +5,7 @@ mod local;
 mod refine;
 
 pub use freed::{Freed, Tangled};
-pub use local::untangle_locally;
+pub use local::{Shapes, untangle_locally};
 pub use refine::{Refined, refine_and_untangle};
 
 use std::collections::HashSet;

@@ -222,6 +222,7 @@ fn told(files: &Files) -> Start {
         }),
         image: files.start.clone(),
         second: None,
+        may_be_spherical: false,
         map: report.map.clone(),
         refinement: report.refinement,
         splits: report.achieved.splits,

@@ -1,6 +1,6 @@
 //! The stage between a start and its optimization: a map without flipped tets, or the tets that resist.
 
-use super::{Untangled, refine_and_untangle, untangle, untangle_locally};
+use super::{Shapes, Untangled, refine_and_untangle, untangle, untangle_locally};
 use crate::domain::Domain;
 use crate::mesh::Vec3;
 use crate::optimize::{OptimizeError, OptimizeSettings, Outcome, StopReason, TraceRow, optimize};
@@ -41,7 +41,7 @@ impl Tangled<'_> {
     ///
     /// All vertices are moved together by [`untangle()`], then one by one by [`untangle_locally`], then edges about the last few
     /// tets that resist are halved by [`refine_and_untangle`]; with a second start vertex by vertex at once, and where tets resist
-    /// from that one again.
+    /// even then by [`Shapes::Thick`], and then from that one again.
     ///
     /// # Errors
     /// As [`untangle()`] and [`optimize()`].
@@ -95,13 +95,13 @@ impl Tangled<'_> {
         let domain = &self.domain;
         let fixed = self.fixed.unwrap_or(domain.boundary().vertex_mask());
         let mut untangled = if locally {
-            untangle_locally(domain, start, fixed, settings, observe)
+            untangle_locally(domain, start, fixed, Shapes::Own, settings, observe)
         } else {
             untangle(domain, start, fixed, settings, observe)?
         };
         if !locally && !untangled.resisting.is_empty() && !settings.cancel.is_due() {
             let before = (untangled.iterations, untangled.seconds);
-            untangled = untangle_locally(domain, &untangled.positions, fixed, settings, observe);
+            untangled = untangle_locally(domain, &untangled.positions, fixed, Shapes::Own, settings, observe);
             untangled.iterations += before.0;
             untangled.seconds += before.1;
         }
@@ -113,6 +113,14 @@ impl Tangled<'_> {
             attempt.refinement_splits = refined.splits;
             attempt.refined = Some((refined.domain, refined.start));
             attempt.untangled = refined.untangled;
+        }
+        if locally && !attempt.untangled.resisting.is_empty() && !settings.cancel.is_due() {
+            let mut thick = untangle_locally(domain, start, fixed, Shapes::Thick, settings, observe);
+            thick.iterations += attempt.untangled.iterations;
+            thick.seconds += attempt.untangled.seconds;
+            if thick.resisting.len() < attempt.untangled.resisting.len() {
+                attempt = Attempt { refined: None, untangled: thick, refinement_splits: 0, is_second: false };
+            }
         }
         Ok(attempt)
     }

@@ -4,7 +4,8 @@ use std::time::Instant;
 
 use super::{Untangled, flipped_tets};
 use crate::domain::Domain;
-use crate::mesh::{Mat3, TetId, Vec3};
+use crate::linalg::{Svd, svd};
+use crate::mesh::{Mat3, TetId, Vec3, edge_matrix};
 use crate::optimize::{OptimizeSettings, TraceRow};
 
 /// Sweeps over all vertices between two counts of flipped tets, and between two measures of sizes.
@@ -23,9 +24,21 @@ const PATIENCE: usize = 200;
 const FIRST_FLOOR: f64 = 1e-3;
 /// The regularisation is so much of the determinant of the worst flip about a vertex.
 const SHARE: f64 = 0.2;
+/// The least width of a thick tet, as a part of its largest.
+const LEAST_WIDTH: f64 = 0.2;
 /// Sufficient decrease of the Armijo rule, and halvings of a step before a vertex is left where it is.
 const ARMIJO: f64 = 1e-4;
 const HALVINGS: usize = 20;
+
+/// The shapes that the images of tets are compared with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shapes {
+    /// Those of the domain.
+    Own,
+    /// The same, no thinner than a fifth of their size: where slivers of the domain are many, their images would have to be flat
+    /// as well, and leave others no room. Whether an image is positive does not depend on the shape it is compared with.
+    Thick,
+}
 
 /// Moves the vertices with `fixed[vertex] == false` one after the other, sweep by sweep, until every tet is positively oriented
 /// by exact predicate; for starts whose tets differ in size by many orders, where one epsilon for all cannot suit.
@@ -39,6 +52,7 @@ pub fn untangle_locally(
     domain: &Domain,
     start: &[Vec3],
     fixed: &[bool],
+    shapes: Shapes,
     settings: &OptimizeSettings,
     observe: &mut dyn FnMut(&TraceRow),
 ) -> Untangled {
@@ -47,7 +61,7 @@ pub fn untangle_locally(
         return best;
     }
     let clock = Instant::now();
-    let mut state = Local::new(domain, start.to_vec());
+    let mut state = Local::new(domain, start.to_vec(), shapes);
     let free: Vec<usize> = (0..fixed.len()).filter(|&v| !fixed[v]).collect();
     let mut near = free.clone();
     let (mut sweeps, mut last_gain, mut floor) = (0, 0, FIRST_FLOOR);
@@ -106,6 +120,8 @@ fn about(domain: &Domain, tets: &[TetId], fixed: &[bool]) -> Vec<usize> {
 /// A map in the making, with what a vertex needs of its tets.
 struct Local<'d> {
     domain: &'d Domain,
+    /// The inverse edge matrix of the shape that each tet is compared with.
+    rest: Vec<Mat3>,
     image: Vec<Vec3>,
     /// For each tet the scale that its determinant is measured in.
     scales: Vec<f64>,
@@ -146,7 +162,7 @@ fn regularised(determinant: f64, epsilon: f64) -> (f64, f64, f64) {
 }
 
 impl<'d> Local<'d> {
-    fn new(domain: &'d Domain, image: Vec<Vec3>) -> Self {
+    fn new(domain: &'d Domain, image: Vec<Vec3>, shapes: Shapes) -> Self {
         let tets = domain.mesh().tets();
         let mut starts = vec![0; image.len() + 1];
         tets.iter().flatten().for_each(|v| starts[v.index() + 1] += 1);
@@ -159,7 +175,16 @@ impl<'d> Local<'d> {
             corners[next[v.index()]] = corner;
             next[v.index()] += 1;
         }
-        Self { domain, image, scales: vec![1.0; tets.len()], starts, corners, parts: Vec::new() }
+        let rest = match shapes {
+            Shapes::Own => domain.inverse_edges().to_vec(),
+            Shapes::Thick => domain.inverse_edges().iter().map(thick).collect(),
+        };
+        Self { domain, rest, image, scales: vec![1.0; tets.len()], starts, corners, parts: Vec::new() }
+    }
+
+    fn jacobian(&self, tet: usize) -> Mat3 {
+        let corners = self.domain.mesh().tets()[tet].map(|v| self.image[v.index()]);
+        edge_matrix(corners) * self.rest[tet]
     }
 
     fn corners_of(&self, vertex: usize) -> std::ops::Range<usize> {
@@ -168,10 +193,8 @@ impl<'d> Local<'d> {
 
     /// (||J||^2 / 3)^(3/2) of each tet, its logarithm averaged over the tets of each vertex, then over the vertices of each tet.
     fn measure_scales(&mut self) {
-        let logs: Vec<f64> = (0..self.scales.len() as u32)
-            .map(|t| {
-                1.5 * (self.domain.jacobian(TetId(t), &self.image).norm_squared() / 3.0).max(f64::MIN_POSITIVE).ln()
-            })
+        let logs: Vec<f64> = (0..self.scales.len())
+            .map(|t| 1.5 * (self.jacobian(t).norm_squared() / 3.0).max(f64::MIN_POSITIVE).ln())
             .collect();
         let at_vertex = |v: usize| {
             let corners = &self.corners[self.corners_of(v)];
@@ -212,12 +235,12 @@ impl<'d> Local<'d> {
 
     fn part(&self, corner: u32) -> Part {
         let (tet, local) = (corner as usize / 4, corner as usize % 4);
-        let rows = &self.domain.inverse_edges()[tet];
+        let rows = &self.rest[tet];
         let gradient = match local {
             0 => -(rows.row(0) + rows.row(1) + rows.row(2)).transpose(),
             _ => rows.row(local - 1).transpose(),
         };
-        let jacobian = self.domain.jacobian(TetId(tet as u32), &self.image);
+        let jacobian = self.jacobian(tet);
         let [a, b, c] = [0, 1, 2].map(|i| Vec3::from(jacobian.column(i)));
         let cofactors = [b.cross(&c), c.cross(&a), a.cross(&b)];
         Part {
@@ -229,6 +252,17 @@ impl<'d> Local<'d> {
             scale: self.scales[tet],
         }
     }
+}
+
+/// The inverse edge matrix of a tet made so thick that none of its widths is less than a part of the largest.
+fn thick(inverse: &Mat3) -> Mat3 {
+    let Svd { left, mut values, right } = svd(inverse);
+    let most = values[2] / LEAST_WIDTH;
+    if values[0] <= most {
+        return *inverse;
+    }
+    values = values.map(|value| value.min(most));
+    left * Mat3::from_diagonal(&values.into()) * right.transpose()
 }
 
 /// The sum of the energies of some tets, its gradient and its Hessian in a vertex.

@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use super::{Untangled, untangle_locally};
+use super::{Shapes, Untangled, untangle_locally};
 use crate::domain::Domain;
 use crate::mesh::{Subdivision, TetId, Vec3, VertexId};
 use crate::optimize::{OptimizeSettings, TraceRow};
@@ -58,6 +58,7 @@ pub fn refine_and_untangle(
             &refined,
             &subdivision.extend(untangled.positions.clone()),
             refined.boundary().vertex_mask(),
+            Shapes::Own,
             settings,
             observe,
         );
