@@ -1,11 +1,31 @@
-//! The table `[boundary]`: what happens at the corners of the solid.
+//! The table `[boundary]`: what happens at the corners of the solid, and next to its boundary.
 
 use super::error::Fault;
 use super::limits::positive;
-use super::{Config, CornersName, CornersValue, InitialMap};
+use super::{Config, CornersName, CornersValue, InitialMap, MeshPlan};
 use crate::map::CornerChoice;
 
-/// What a checked `[boundary]` means.
+/// The most tets that a collar may add, as a share of all.
+pub(super) fn collar(config: &Config, mesh: &MeshPlan) -> Result<f64, Fault> {
+    /// More would be another mesh.
+    const MOST: f64 = 10.0;
+    let (collar, key) = (config.boundary.collar, ["boundary", "collar"]);
+    if !(0.0..=MOST).contains(&collar) {
+        let message = format!("`boundary.collar` is {collar}, but must be at least 0 and at most {MOST}");
+        return Err(Fault::at(&key, message, "it is the share of tets that may be added, for example 1.0"));
+    }
+    if collar > 0.0 && config.domain.keep_mesh {
+        let message = "a collar splits tets, and `domain.keep_mesh` forbids that".to_string();
+        return Err(Fault::at(&key, message, "remove one of the two"));
+    }
+    if collar > 0.0 && matches!(mesh, MeshPlan::Shell(_) | MeshPlan::Flag(_)) {
+        let message = "a collar is for meshes that are given or made by TetGen or Gmsh".to_string();
+        return Err(Fault::at(&key, message, "remove it, or choose another mesh.kind"));
+    }
+    Ok(collar)
+}
+
+/// What a checked `[boundary]` means for the corners.
 pub(super) fn corners(config: &Config, map: &InitialMap) -> Result<CornerChoice, Fault> {
     let key = ["boundary", "corners"];
     let choice = match config.boundary.corners {

@@ -41,6 +41,8 @@ pub struct Plan {
     pub mesh: MeshPlan,
     /// The map to start from.
     pub map: InitialMap,
+    /// The most tets that a collar may add, as a share of all.
+    pub collar: f64,
     /// How it behaves at the corners of the solid.
     pub corners: CornerChoice,
     /// How the map is improved.
@@ -99,6 +101,7 @@ impl Plan {
         let is_mesh = matches!(domain, DomainSource::Mesh(_));
         let map = map::plan(config, is_mesh)?;
         let corners = boundary::corners(config, &map)?;
+        let mesh = mesh::plan(&config.mesh, source.path())?;
         Ok(Self {
             name: name(source.path(), config)?,
             source: source.clone(),
@@ -107,7 +110,8 @@ impl Plan {
             repair: repair(config)?,
             keep_mesh: config.domain.keep_mesh,
             centre: solid::centre(config)?,
-            mesh: mesh::plan(&config.mesh, source.path())?,
+            collar: boundary::collar(config, &mesh)?,
+            mesh,
             domain,
             refine: refine::plan(config, &corners)?,
             corners,

@@ -10,7 +10,7 @@ use crate::dilatation::lower_bound;
 use crate::domain::Domain;
 use crate::map::{Corners, bijectivity};
 use crate::measure::{Bottleneck, Measured, bottleneck};
-use crate::mesh::{Place, Vec3, VertexId};
+use crate::mesh::{Place, Vec3, VertexId, slivers};
 use crate::optimize::{KktResidual, StopReason};
 use crate::report::{
     Achieved, BallFigures, BestBound, CornerFigures, DomainFigures, Limit, RefinedFigures, Report, Splits, Times,
@@ -128,7 +128,8 @@ pub(crate) fn record(
             ..BallFigures::of(domain, image, &bounds, &after.summary)
         },
     };
-    let warnings = start.warnings.iter().cloned().chain(locked_warning(domain, &bounds)).collect();
+    let warnings = start.warnings.iter().cloned().chain(locked_warning(domain, &bounds));
+    let warnings = warnings.chain(sliver_warning(start, after)).collect();
     Report {
         name: heading.name.into(),
         version: Report::VERSION.into(),
@@ -150,6 +151,35 @@ pub(crate) fn record(
         config_text: heading.source.text().to_string(),
         achieved: course.achieved(start.splits, (before, after), bounds, ball),
     }
+}
+
+/// Tells of slivers where the largest K is one's, and what the others would give.
+fn sliver_warning(start: &Start, after: &Measured) -> Option<String> {
+    /// A thousandth of the regular tet's thickness.
+    const THIN: f64 = 1e-4;
+    let (mesh, unit) = (start.domain.mesh(), start.units[0]);
+    let slivers = slivers(mesh, THIN);
+    let thinnest = slivers.iter().min_by(|a, b| a.thickness.total_cmp(&b.thickness))?;
+    let is_sliver = |t: usize| slivers.binary_search_by_key(&t, |sliver| sliver.tet.index()).is_ok();
+    let largest = |of_slivers: bool| {
+        let all = after.dilatations.iter().enumerate().filter(|(t, _)| is_sliver(*t) == of_slivers);
+        all.map(|(_, dilatation)| dilatation.k()).fold(1.0, f64::max)
+    };
+    let (thin, others) = (largest(true), largest(false));
+    if start.corners.is_some() || thin <= others {
+        return None;
+    }
+    let [x, y, z] = unit.give_back_points(&[mesh.corners(thinnest.tet).iter().sum::<Vec3>() / 4.0])[0].into();
+    Some(format!(
+        "{} of {} tets ({:.2} %) are slivers, of a volume below {THIN:e} of the cube of their longest edge, and the largest K is one's: \
+         {thin:.4}, of the others {others:.4}. The thinnest, {:.1e}, is tet {} at ({x:.6}, {y:.6}, {z:.6}); remesh the solid \
+         without them",
+        slivers.len(),
+        mesh.tets().len(),
+        100.0 * slivers.len() as f64 / mesh.tets().len() as f64,
+        thinnest.thickness,
+        thinnest.tet.0,
+    ))
 }
 
 /// Names the tets that a kept mesh locks, and what they force.

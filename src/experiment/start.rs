@@ -12,7 +12,7 @@ use crate::map::{AnalyticMap, Corners, RadialCoordinates, RayEnd, caraman, spher
 use crate::measure::{Measured, measure_elements, measure_onto_ball};
 use crate::mesh::io::{ReadError, SolidFile, read_solid, read_surface, shown_path};
 use crate::mesh::{
-    Orientation, PolygonSoup, Subdivision, TetMesh, TetSoup, Unit, Vec3, VertexId, full_boundary, orientation,
+    Orientation, PolygonSoup, Subdivision, TetMesh, TetSoup, Unit, Vec3, VertexId, collar, full_boundary, orientation,
 };
 use crate::optimize::Freed;
 use crate::report::{MapFigures, RefinementFigures, Splits};
@@ -198,6 +198,8 @@ impl Start {
         unit: Unit,
     ) -> Result<Self, Fault> {
         let shell = shell_mesh(surface, centre.position, settings)?;
+        let idle =
+            (plan.collar > 0.0).then(|| "the solid was meshed in shells, so that boundary.collar had no effect".into());
         let coordinates = RadialCoordinates::of_shell(&shell);
         let mut refinement = None;
         let mut warning = None;
@@ -219,9 +221,8 @@ impl Start {
             InitialMap::Spherical => Self::of_sphere(domain)?,
             _ => Self::of_rays(domain, surface, Some(centre), &coordinates, plan),
         };
-        let mut start = Self { refinement, ..start };
-        start.warnings.extend(warning);
-        Ok(start)
+        let warnings = start.warnings.into_iter().chain(warning).chain(idle).collect();
+        Ok(Self { refinement, warnings, ..start })
     }
 
     fn of_mesh(soup: TetSoup, plan: &Plan, unit: Unit) -> Result<Self, Fault> {
@@ -242,7 +243,7 @@ impl Start {
 
     /// Frees a mesh's locked tets and maps its vertices.
     fn of_domain(domain: Domain, surface: &Surface, plan: &Plan, unit: Unit) -> Result<Self, Fault> {
-        let (domain, splits) = freed(domain, plan.keep_mesh)?;
+        let (domain, splits) = freed(domain, plan)?;
         let (position, centre, end) = match (&plan.map, plan.centre.point(surface)) {
             (InitialMap::Formula(map), _) => return Ok(Self { splits, ..Self::of_formula(domain, map, unit)? }),
             // The plan allows "farthest" only with a rule that names a point for any solid.
@@ -459,8 +460,19 @@ fn far_outside(domain: &Domain, image: &[Vec3]) -> Option<usize> {
     image.iter().position(|p| (low - p).max() > room || (p - high).max() > room)
 }
 
-/// The domain with its boundary made a full subcomplex, unless the mesh is to be kept.
-fn freed(domain: Domain, keep_mesh: bool) -> Result<(Domain, Option<Splits>), Fault> {
+/// The domain with its boundary made a full subcomplex, unless the mesh is to be kept, and the collar that the plan asks for.
+fn freed(domain: Domain, plan: &Plan) -> Result<(Domain, Option<Splits>), Fault> {
+    let (domain, splits) = without_locked(domain, plan.keep_mesh)?;
+    let tets = domain.mesh().tets().len();
+    let collar = collar(domain.mesh(), domain.boundary(), tets + (plan.collar * tets as f64) as usize);
+    if plan.collar == 0.0 || collar.parents().is_empty() {
+        return Ok((domain, splits));
+    }
+    let splits = splits.unwrap_or(Splits { edges: 0, faces: 0, collar: 0, tets_before: tets });
+    Ok((Domain::new(collar.mesh()?)?, Some(Splits { collar: collar.edge_splits(), ..splits })))
+}
+
+fn without_locked(domain: Domain, keep_mesh: bool) -> Result<(Domain, Option<Splits>), Fault> {
     if keep_mesh {
         return Ok((domain, None));
     }

@@ -1,6 +1,6 @@
 //! How well shaped the tets of a mesh are.
 
-use super::{TetId, TetMesh};
+use super::{TetId, TetMesh, edge_matrix};
 
 /// The smallest dihedral angle of any tet, in degrees, in `(0, 70.53]` (the upper end is the regular tet's).
 ///
@@ -24,6 +24,26 @@ pub fn smallest_dihedral_angle(mesh: &TetMesh) -> f64 {
     smallest.to_degrees()
 }
 
+/// A tet far thinner than it is long.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sliver {
+    /// The tet.
+    pub tet: TetId,
+    /// Its volume over the cube of its longest edge, in (0, 0.118], the upper end being the regular tet's.
+    pub thickness: f64,
+}
+
+/// The tets of a thickness below a given one, in their order.
+pub fn slivers(mesh: &TetMesh, below: f64) -> Vec<Sliver> {
+    let thickness = |tet: TetId| {
+        let corners = mesh.corners(tet);
+        let edges = (0..4).flat_map(|i| (0..i).map(move |j| (corners[i] - corners[j]).norm_squared()));
+        edge_matrix(corners).determinant() / 6.0 / edges.fold(0.0, f64::max).powf(1.5)
+    };
+    let all = (0..mesh.tets().len() as u32).map(TetId).map(|tet| Sliver { tet, thickness: thickness(tet) });
+    all.filter(|sliver| sliver.thickness < below).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -32,6 +52,17 @@ mod tests {
     fn angle(points: [Vec3; 4]) -> f64 {
         let tets = vec![[0, 1, 2, 3].map(VertexId)];
         smallest_dihedral_angle(&TetMesh::from_either_orientation(points.to_vec(), tets).unwrap().0)
+    }
+
+    #[test]
+    fn slivers_are_told_by_volume_over_length_cubed() {
+        // The corner of a cube flattened to a height h: volume h / 6, longest edge sqrt 2.
+        let corner = |height: f64| [Vec3::zeros(), Vec3::x(), Vec3::y(), Vec3::z() * height];
+        let mesh = |height| TetMesh::new(corner(height).to_vec(), vec![[0, 1, 2, 3].map(VertexId)]).unwrap();
+        assert_eq!(slivers(&mesh(1.0), 0.01), []);
+        let found = slivers(&mesh(1e-3), 1e-4);
+        assert_eq!(found[0].tet, TetId(0));
+        assert!((found[0].thickness / (1e-3 / 6.0 / 8f64.sqrt()) - 1.0).abs() < 1e-14);
     }
 
     #[test]

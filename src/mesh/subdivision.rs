@@ -25,13 +25,18 @@ impl Subdivision {
     /// Halves the edges that are `wanted` (smaller vertex first), longest first, until there are none; a new edge may be wanted
     /// as well. Edges without a common tet are split in one round.
     pub fn split_edges(&mut self, wanted: impl Fn([VertexId; 2]) -> bool) {
+        self.split_edges_within(usize::MAX, wanted);
+    }
+
+    /// The same, but no split that would make more than so many tets.
+    pub fn split_edges_within(&mut self, most_tets: usize, wanted: impl Fn([VertexId; 2]) -> bool) {
         let squared = |points: &[Vec3], [a, b]: [VertexId; 2]| (points[a.index()] - points[b.index()]).norm_squared();
-        self.edge_splits += self.split_all(wanted, squared);
+        self.edge_splits += self.split_all(most_tets, wanted, squared);
     }
 
     /// Splits the faces that are `wanted` (vertices ascending) at their centres, until there are none.
     pub fn split_faces(&mut self, wanted: impl Fn([VertexId; 3]) -> bool) {
-        self.face_splits += self.split_all(wanted, |_, _| 0.0);
+        self.face_splits += self.split_all(usize::MAX, wanted, |_, _| 0.0);
     }
 
     /// Halves edges in this order, each of the mesh as it is then.
@@ -103,9 +108,10 @@ impl Subdivision {
     }
 
     /// Splits the simplices of `N` vertices that are wanted, those of the largest `size` first and smaller vertices first among
-    /// equals, until there are none; returns how many.
+    /// equals, until there are none or the next would make more than so many tets; returns how many.
     fn split_all<const N: usize>(
         &mut self,
+        most_tets: usize,
         wanted: impl Fn([VertexId; N]) -> bool,
         size: impl Fn(&[Vec3], [VertexId; N]) -> f64,
     ) -> usize {
@@ -130,6 +136,9 @@ impl Subdivision {
             for (_, simplex, tets) in simplices {
                 if tets.iter().any(|&t| touched[t]) {
                     continue;
+                }
+                if self.tets.len() + (N - 1) * tets.len() > most_tets {
+                    return count;
                 }
                 tets.iter().for_each(|&t| touched[t] = true);
                 self.split(&simplex, &tets);

@@ -137,6 +137,9 @@ pub struct Splits {
     pub edges: usize,
     /// Interior faces between boundary vertices that were split at their centre.
     pub faces: usize,
+    /// Edges of the collar that were halved.
+    #[serde(default)]
+    pub collar: usize,
     /// Number of tets before.
     pub tets_before: usize,
 }
@@ -144,7 +147,7 @@ pub struct Splits {
 impl Splits {
     /// Those that made a mesh of one with so many tets.
     pub fn of(subdivision: &Subdivision, tets_before: usize) -> Self {
-        Self { edges: subdivision.edge_splits(), faces: subdivision.face_splits(), tets_before }
+        Self { edges: subdivision.edge_splits(), faces: subdivision.face_splits(), collar: 0, tets_before }
     }
 }
 

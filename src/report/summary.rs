@@ -110,9 +110,13 @@ fn corners_in_words(corners: &[CornerFigures]) -> String {
 }
 
 fn splits_in_words(splits: Splits) -> String {
+    let collar = match splits.collar {
+        0 => String::new(),
+        edges => format!(", and {edges} edge{} next to the boundary for the collar", s(edges)),
+    };
     let text = format!(
-        "{} interior edge{} and {} interior face{} between boundary vertices were split, so that no tet is locked; the mesh \
-         had {} tet{} (--keep-mesh leaves a given one as it is)",
+        "{} interior edge{} and {} interior face{} between boundary vertices were split, so that no tet is locked{collar}; the \
+         mesh had {} tet{} (--keep-mesh leaves a given one as it is)",
         splits.edges,
         s(splits.edges),
         splits.faces,
