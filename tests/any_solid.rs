@@ -135,3 +135,64 @@ fn random_stars_whose_last_tets_resist_are_refined() {
         assert_eq!(finished.domain.mesh().points().len(), finished.outcome.positions.len());
     }
 }
+
+#[test]
+fn a_radial_start_that_resists_gives_way_to_the_spherical_one() {
+    let folder = tempfile::tempdir().unwrap();
+    // Its radial start takes over a hundred steps to untangle, and here is given five.
+    let config = "seed = 10\n[domain]\nsolid = \"star-polyhedron\"\nresolution = 2\namplitude = 0.4\n[mesh]\nkind = \"tetgen\"\n\
+                  edge_length = 0.35\n[optimize]\nmax_iterations = 5";
+    let Some(finished) = run(folder.path(), config) else { return };
+    let report = finished.report;
+    assert!(report.map.map.starts_with("spherical") && report.domain.centre.is_none());
+    assert!(report.warnings.iter().any(|warning| warning.contains("resisted untangling")), "{:?}", report.warnings);
+    // By name the radial start is kept, flipped as it is.
+    let report =
+        run(folder.path(), &config.replace("[optimize]", "[map]\nkind = \"radial\"\n[optimize]")).unwrap().report;
+    assert!(report.map.map.starts_with("radial") && !report.bijective);
+}
+
+/// The cube with one vertex inside, which is so near to its top that the two tets there are slivers.
+fn cube_with_slivers(folder: &Path) {
+    let cube = Solid::Cube.surface().unwrap();
+    let points = [cube.points(), &[qcball::Vec3::new(0.0, 0.0, 1.0 - 1e-3)]].concat();
+    let apex = qcball::VertexId(cube.points().len() as u32);
+    let tets: Vec<_> = cube.triangles().iter().map(|&[a, b, c]| [a, c, b, apex]).collect();
+    let mesh = qcball::TetMesh::from_either_orientation(points, tets).unwrap().0;
+    qcball::mesh::io::write_tets(&folder.join("cube.mesh"), mesh.points(), mesh.tets(), &Vec::new()).unwrap();
+}
+
+#[test]
+fn slivers_with_the_largest_k_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    cube_with_slivers(folder.path());
+    let slivers = Solid::Cube.surface().unwrap().triangles().iter().filter(|t| t.iter().all(|v| top(*v))).count();
+    let config = "[domain]\nfile = \"cube.mesh\"\n[map]\nkind = \"spherical\"\n[optimize]\nmax_iterations = 0";
+    let report = run(folder.path(), config).unwrap().report;
+    let begin = format!("{slivers} of {} tets", report.domain.tets);
+    let warning = report.warnings.iter().find(|warning| warning.contains("slivers")).expect("the largest K is theirs");
+    assert!(warning.starts_with(&begin) && warning.contains("of the others"), "{warning}");
+}
+
+/// Whether a vertex of the built-in cube is at its top.
+fn top(vertex: qcball::VertexId) -> bool {
+    Solid::Cube.surface().unwrap().points()[vertex.index()].z > 0.5
+}
+
+#[test]
+fn a_collar_stays_within_its_budget() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("u.obj"), u_block()).unwrap();
+    let with = |collar: f64| {
+        let config = format!(
+            "[domain]\nfile = \"u.obj\"\n[mesh]\nedge_length = 0.5\n[boundary]\ncollar = {collar}\n[optimize]\nmax_iterations = 50"
+        );
+        Some(run(folder.path(), &config)?.report)
+    };
+    let Some(without) = with(0.0) else { return };
+    let collared = with(0.5).unwrap();
+    let splits = collared.achieved.splits.unwrap();
+    assert!(collared.bijective && splits.collar > 0);
+    assert!(collared.domain.tets as f64 <= 1.5 * without.domain.tets as f64);
+    assert!(collared.domain.tets > without.domain.tets);
+}

@@ -101,6 +101,7 @@ pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure>
         objective: arguments.soft_max.map_or(Objective::Max, Objective::SoftMax),
         engine: arguments.engine,
         polish: if arguments.no_polish { Polish::None } else { Polish::Mean },
+        rise: OptimizeSettings::default().rise,
         boundary_values: if arguments.sliding { BoundaryValues::Sliding } else { BoundaryValues::Fixed },
         tolerance: arguments.tolerance,
         max_iterations: arguments.max_iterations,

@@ -351,8 +351,11 @@ pub struct OptimizeTable {
     /// "newton-cg" and "trust-region" minimize the soft maxima; "mma", "ccsaq" and "slsqp" the largest K, on small meshes.
     pub engine: Engine,
     /// What follows the objective "max" when the largest K is settled: "mean" (the default) lowers the mean while the
-    /// largest K may rise by 0.02 %, "lexicographic" lowers the next largest K and so on, "none" does nothing.
+    /// largest K may rise by `rise`, "lexicographic" lowers the next largest K and so on, "none" does nothing.
     pub polish: Option<PolishName>,
+    /// How far the largest K may rise for the mean's sake, relative, in (0, 10]; the polish "mean" alone takes it. Default: 2e-4.
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub rise: Option<f64>,
     /// Number of largest values of K that the polish "lexicographic" settles, at least 2. Default: 3.
     #[schemars(range(min = 2))]
     pub levels: Option<i64>,

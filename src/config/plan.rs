@@ -297,12 +297,27 @@ pub(super) fn optimize(config: &Config) -> Result<OptimizeSettings, Fault> {
         objective,
         engine: table.engine,
         polish: polish(table, default.polish)?,
+        rise: rise(table, default.rise)?,
         boundary_values,
         tolerance: positive(table.tolerance, default.tolerance, &["optimize", "tolerance"])?,
         max_iterations: whole(table.max_iterations, default.max_iterations as i64, 0..=1_000_000_000, &key)?,
         time_limit: table.time_limit.map(|given| duration(given, 600.0, &["optimize", "time_limit"])).transpose()?,
         cancel: default.cancel,
     })
+}
+
+fn rise(table: &OptimizeTable, default: f64) -> Result<f64, Fault> {
+    let key = ["optimize", "rise"];
+    let Some(rise) = table.rise else { return Ok(default) };
+    if !matches!(table.polish, None | Some(PolishName::Mean)) || table.objective != ObjectiveName::Max {
+        let message = "only the polish \"mean\" takes `rise`".to_string();
+        return Err(Fault::at(&key, message, "remove it, or use objective = \"max\" and polish = \"mean\""));
+    }
+    if !(rise > 0.0 && rise <= 10.0) {
+        let message = format!("`optimize.rise` is {rise}, but must be greater than 0 and at most 10");
+        return Err(Fault::at(&key, message, "it is relative to the largest K, for example 0.1"));
+    }
+    Ok(rise)
 }
 
 fn polish(table: &OptimizeTable, default: Polish) -> Result<Polish, Fault> {

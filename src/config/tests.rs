@@ -55,6 +55,7 @@ fn every_key_arrives() {
         objective: Objective::SoftMax(16.0),
         engine: Engine::Lbfgs,
         polish: OptimizeSettings::default().polish,
+        rise: OptimizeSettings::default().rise,
         boundary_values: Default::default(),
         tolerance: 1e-3,
         max_iterations: 9,

@@ -206,6 +206,7 @@ fn optimized(
         let resisting = freed.untangled.resisting.len();
         if resisting > 0
             && outcome.stop == StopReason::StillFlipped
+            && settings.max_iterations > 0
             && let Some(spherical) = start.in_spherical()
         {
             let (mut other, of_other) = free_and_optimize(&spherical, observe)?;

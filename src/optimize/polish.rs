@@ -10,9 +10,6 @@ use crate::linalg::{Method, SparseError};
 use crate::mesh::Vec3;
 use crate::objective::{Assembly, CappedMean, Iterate};
 
-/// How far the cap on K lies above the largest K that was reached, relative to it. With 1e-3 the mean falls little further
-/// (cube-10k 2.564 instead of 2.57), but max K then lies above that of peers that stop 5e-4 above ours.
-const CAP: f64 = 2e-4;
 /// Weights of the mean against the cap's barrier. A tet has six barrier terms, so at the last weight the mean lies within
 /// about 6 / 1000 of the least one under the cap, relative to a K of 1.
 const WEIGHTS: [f64; 4] = [1.0, 10.0, 100.0, 1000.0];
@@ -32,12 +29,14 @@ const TOLERANCE: f64 = 2e-4;
 /// Shares of the way from the start to the end that are tried until no K is above the cap.
 const SHARES: [f64; 8] = [1.0, 0.98, 0.95, 0.9, 0.8, 0.6, 0.4, 0.2];
 
-/// Lowers the mean of the best map under a cap on K; the positions, or `None` if none are better.
+/// Lowers the mean of the best map under a cap on K, which lies above its largest by `rise` relative to it; the positions, or
+/// `None` if none are better.
 pub(super) fn lower_mean(
     assembly: &mut Assembly<'_>,
+    rise: f64,
     recorder: &mut Recorder<'_>,
 ) -> Result<(PhaseEnd, Option<Vec<Vec3>>), SparseError> {
-    let cap = recorder.best_k * (1.0 + CAP);
+    let cap = recorder.best_k * (1.0 + rise);
     let mean_before = recorder.mean_of_best;
     let start = recorder.best.clone();
     let mut iterate = assembly.at(start.clone());
