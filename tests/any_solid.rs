@@ -136,22 +136,6 @@ fn random_stars_whose_last_tets_resist_are_refined() {
     }
 }
 
-#[test]
-fn a_radial_start_that_resists_gives_way_to_the_spherical_one() {
-    let folder = tempfile::tempdir().unwrap();
-    // Its radial start takes over a hundred steps to untangle, and here is given five.
-    let config = "seed = 10\n[domain]\nsolid = \"star-polyhedron\"\nresolution = 2\namplitude = 0.4\n[mesh]\nkind = \"tetgen\"\n\
-                  edge_length = 0.35\n[optimize]\nmax_iterations = 5";
-    let Some(finished) = run(folder.path(), config) else { return };
-    let report = finished.report;
-    assert!(report.map.map.starts_with("spherical") && report.domain.centre.is_none());
-    assert!(report.warnings.iter().any(|warning| warning.contains("resisted untangling")), "{:?}", report.warnings);
-    // By name the radial start is kept, flipped as it is.
-    let report =
-        run(folder.path(), &config.replace("[optimize]", "[map]\nkind = \"radial\"\n[optimize]")).unwrap().report;
-    assert!(report.map.map.starts_with("radial") && !report.bijective);
-}
-
 /// The cube with one vertex inside, which is so near to its top that the two tets there are slivers.
 fn cube_with_slivers(folder: &Path) {
     let cube = Solid::Cube.surface().unwrap();

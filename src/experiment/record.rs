@@ -13,7 +13,7 @@ use crate::measure::{Bottleneck, Measured, bottleneck};
 use crate::mesh::{Place, Vec3, VertexId, slivers};
 use crate::optimize::{KktResidual, StopReason};
 use crate::report::{
-    Achieved, BallFigures, BestBound, CornerFigures, DomainFigures, Limit, RefinedFigures, Report, Splits, Times,
+    Achieved, BallFigures, BestBound, CornerFigures, DistortionFigures, DomainFigures, Limit, RefinedFigures, Report, Splits, Times,
     UntanglingFigures,
 };
 
@@ -143,6 +143,7 @@ pub(crate) fn record(
         refinement: start.refinement,
         map: start.map.clone(),
         corners: start.corners.as_ref().map(|corners| CornerFigures::of(domain, corners, unit)),
+        distortion: start.map.boundary_map.and_then(|_| DistortionFigures::of(domain, image, after)),
         bijective: bijectivity.bijective,
         bijective_reason: bijectivity.reason,
         bottleneck,

@@ -7,7 +7,7 @@ use crate::dilatation::null_is_infinite;
 use crate::domain::Domain;
 use crate::map::Corners;
 use crate::map::corner::solid_angles;
-use crate::measure::{Summary, ball_fraction};
+use crate::measure::{Measured, Summary, ball_fraction};
 use crate::mesh::{Subdivision, TetId, Unit, Vec3, VertexId, smallest_dihedral_angle};
 use crate::optimize::Untangled;
 use crate::refine::{RefineEnd, Round};
@@ -128,6 +128,45 @@ pub struct RefinementFigures {
     pub triangles_before: usize,
     /// The largest K of the radial map of the image polyhedron onto the ball, after.
     pub largest_stretch: f64,
+}
+
+/// How a map spreads angles and volumes over the tets, each counted once: what papers on volume parameterization report.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DistortionFigures {
+    /// Standard deviation of K; its mean is `final.mean_k`.
+    pub k_deviation: f64,
+    /// Mean and standard deviation of the ratio of image volume to volume, each as a part of the whole.
+    pub mean_volume_ratio: f64,
+    /// See `mean_volume_ratio`.
+    pub volume_ratio_deviation: f64,
+    /// Standard deviation of that ratio's logarithm.
+    pub log_volume_ratio_deviation: f64,
+}
+
+impl DistortionFigures {
+    /// The figures of a map with these image positions; `None` if a tet is flipped.
+    pub fn of(domain: &Domain, image: &[Vec3], measured: &Measured) -> Option<Self> {
+        let volumes: Vec<f64> = (0..domain.mesh().tets().len() as u32)
+            .map(|t| domain.jacobian(TetId(t), image).determinant() * domain.volumes()[t as usize])
+            .collect();
+        if measured.summary.flipped > 0 || volumes.iter().any(|volume| volume.is_nan() || *volume <= 0.0) {
+            return None;
+        }
+        let scale = domain.volumes().iter().sum::<f64>() / volumes.iter().sum::<f64>();
+        let ratios: Vec<f64> = volumes.iter().zip(domain.volumes()).map(|(of, volume)| scale * of / volume).collect();
+        let (mean_volume_ratio, volume_ratio_deviation) = moments(&ratios);
+        let (_, log_volume_ratio_deviation) = moments(&ratios.iter().map(|ratio| ratio.ln()).collect::<Vec<_>>());
+        let (_, k_deviation) =
+            moments(&measured.dilatations.iter().map(|dilatation| dilatation.k()).collect::<Vec<_>>());
+        Some(Self { k_deviation, mean_volume_ratio, volume_ratio_deviation, log_volume_ratio_deviation })
+    }
+}
+
+/// Mean and standard deviation.
+fn moments(values: &[f64]) -> (f64, f64) {
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    (mean, (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / count).sqrt())
 }
 
 /// The splits that made a given mesh's boundary a full subcomplex, so that no tet is locked.
@@ -256,4 +295,27 @@ pub(super) fn boundary_flags(domain: &Domain) -> (&[bool], Vec<bool>) {
     let on_boundary = domain.boundary().vertex_mask();
     let locked = |tet: &[VertexId; 4]| tet.iter().all(|v| on_boundary[v.index()]);
     (on_boundary, domain.mesh().tets().iter().map(locked).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::measure::measure;
+    use crate::mesh::fixtures::{cube, fan};
+
+    #[test]
+    fn volumes_of_a_cube_whose_centre_moves() {
+        let domain = Domain::new(fan(&cube(), Vec3::zeros())).unwrap();
+        let mut image = domain.mesh().points().to_vec();
+        image.iter_mut().for_each(|p| *p *= 3.0);
+        let similar = DistortionFigures::of(&domain, &image, &measure(&domain, &image)).unwrap();
+        assert!((similar.mean_volume_ratio - 1.0).abs() < 1e-15 && similar.volume_ratio_deviation < 1e-15);
+        // The heights over the faces at x = 1 and -1 become 1/2 and 3/2 of what they were, of two tets of twelve each.
+        image[8].x += 1.5;
+        let moved = DistortionFigures::of(&domain, &image, &measure(&domain, &image)).unwrap();
+        assert!((moved.mean_volume_ratio - 1.0).abs() < 1e-15);
+        assert!((moved.volume_ratio_deviation - (4.0 * 0.25 / 12.0f64).sqrt()).abs() < 1e-14);
+        image[8].x += 1.5;
+        assert_eq!(DistortionFigures::of(&domain, &image, &measure(&domain, &image)), None);
+    }
 }

@@ -12,7 +12,7 @@ mod summary;
 pub use achieved::{Achieved, MapReport};
 pub(crate) use corners::{CORNERS, read_corners};
 pub use figures::{
-    BallFigures, BestBound, CornerFigures, DomainFigures, MapFigures, RefinedFigures, RefinementFigures, Splits,
+    BallFigures, BestBound, CornerFigures, DistortionFigures, DomainFigures, MapFigures, RefinedFigures, RefinementFigures, Splits,
     UntanglingFigures,
 };
 pub use html::{PageError, write_pages, write_pages_of};
@@ -59,6 +59,9 @@ pub struct Report {
     pub map: MapFigures,
     /// The corners at which the map is like a power of the distance; `null` if it is piecewise linear.
     pub corners: Option<Vec<CornerFigures>>,
+    /// How the final map spreads angles and volumes; of spherical starts only, and `null` if a tet is flipped.
+    #[serde(default)]
+    pub distortion: Option<DistortionFigures>,
     /// Whether the final map is a bijection onto its image.
     pub bijective: bool,
     /// Why it is, or is not, or is not known to be.

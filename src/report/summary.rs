@@ -1,7 +1,7 @@
 //! What a person reads of a run in a terminal.
 
 use super::{
-    Achieved, BallFigures, BestBound, CornerFigures, DomainFigures, Limit, MapFigures, MapReport, RefinedFigures,
+    Achieved, BallFigures, BestBound, CornerFigures, DistortionFigures, DomainFigures, Limit, MapFigures, MapReport, RefinedFigures,
     RefinementFigures, Report, Splits, Times, UntanglingFigures,
 };
 use crate::bound::{Kind, LowerBound, Scope};
@@ -59,6 +59,7 @@ pub fn summary(report: &Report) -> String {
             .map(|b| labelled("bottleneck", &bottleneck_in_words(b, decimals)))
             .unwrap_or_default(),
         refined_line(&report.achieved),
+        report.distortion.map(|distortion| distortion_in_words(distortion, report)).unwrap_or_default(),
         labelled("bijective", &bijective),
         labelled("stopped", &stop_in_words(report.achieved.stop, report.achieved.iterations)),
         format!("\n{}", bounds_table(&report.achieved.bounds, report.achieved.best, &report.achieved.limit)),
@@ -107,6 +108,19 @@ fn corners_in_words(corners: &[CornerFigures]) -> String {
     };
     let count = corners.len();
     format!("like r^p of the distance r from {count} corner{}, {of}; K is the largest in each tet", s(count))
+}
+
+fn distortion_in_words(distortion: DistortionFigures, report: &Report) -> String {
+    let text = format!(
+        "K has the mean {} and the standard deviation {}; the ratio of volumes, each as a part of the whole, {} and {}, its logarithm \
+         the deviation {}",
+        number(report.achieved.last.mean_k),
+        number(distortion.k_deviation),
+        number(distortion.mean_volume_ratio),
+        number(distortion.volume_ratio_deviation),
+        number(distortion.log_volume_ratio_deviation)
+    );
+    labelled("distortion", &text)
 }
 
 fn splits_in_words(splits: Splits) -> String {

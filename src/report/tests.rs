@@ -63,6 +63,7 @@ fn write(flip: bool) -> (tempfile::TempDir, Report) {
             closed_form_k: None,
             boundary_map: None,
         },
+        distortion: None,
         trace_hash: "0".into(),
         warnings: vec!["this is a test".into()],
         config_text: "[domain]\nsolid = \"cube\"".into(),
