@@ -13,8 +13,8 @@ use crate::measure::{Bottleneck, Measured, bottleneck};
 use crate::mesh::{Place, Vec3, VertexId, slivers};
 use crate::optimize::{KktResidual, StopReason};
 use crate::report::{
-    Achieved, BallFigures, BestBound, CornerFigures, DistortionFigures, DomainFigures, Limit, RefinedFigures, Report, Splits, Times,
-    UntanglingFigures,
+    Achieved, BallFigures, BestBound, CornerFigures, DistortionFigures, DomainFigures, Limit, RefinedFigures, Report,
+    Splits, Times, UntanglingFigures,
 };
 
 /// Under which name and from what a run was made.

@@ -12,8 +12,8 @@ mod summary;
 pub use achieved::{Achieved, MapReport};
 pub(crate) use corners::{CORNERS, read_corners};
 pub use figures::{
-    BallFigures, BestBound, CornerFigures, DistortionFigures, DomainFigures, MapFigures, RefinedFigures, RefinementFigures, Splits,
-    UntanglingFigures,
+    BallFigures, BestBound, CornerFigures, DistortionFigures, DomainFigures, MapFigures, RefinedFigures,
+    RefinementFigures, Splits, UntanglingFigures,
 };
 pub use html::{PageError, write_pages, write_pages_of};
 pub use limit::{Limit, LimitedBy};

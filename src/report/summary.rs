@@ -1,8 +1,8 @@
 //! What a person reads of a run in a terminal.
 
 use super::{
-    Achieved, BallFigures, BestBound, CornerFigures, DistortionFigures, DomainFigures, Limit, MapFigures, MapReport, RefinedFigures,
-    RefinementFigures, Report, Splits, Times, UntanglingFigures,
+    Achieved, BallFigures, BestBound, CornerFigures, DistortionFigures, DomainFigures, Limit, MapFigures, MapReport,
+    RefinedFigures, RefinementFigures, Report, Splits, Times, UntanglingFigures,
 };
 use crate::bound::{Kind, LowerBound, Scope};
 use crate::dilatation::{lower_bound, number, upper_bound};
