@@ -174,8 +174,11 @@ fn surfaces() -> Vec<Case> {
 
 fn command_lines() -> Vec<Case> {
     vec![
-        case("run b.obj", &[("b.obj", BLOCK)], &["b.obj:1", "a config is a TOML file", "file = \"b.obj\""]),
-        case("run b.stl", &[("b.stl", "\u{0}")], &["b.stl", "a config is a TOML file", "file = \"b.stl\""]),
+        case("run b.txt", &[("b.txt", BLOCK)], &["b.txt:1", "a config is a TOML file", "file = \"b.txt\""]),
+        case("run b.dat", &[("b.dat", "\u{0}")], &["b.dat", "a config is a TOML file", "file = \"b.dat\""]),
+        // By its name a solid, which then has to be one.
+        case("run b.stl", &[("b.stl", "garbage\n")], &["b.stl", "neither \"solid\" at the start nor the 84 bytes"]),
+        case("run b.obj", &[], &["the file b.obj does not exist"]),
         case("", &[], &["Usage"]),
         case("rum a.toml", &[], &["run"]),
         case("run", &[], &["CONFIG"]),
