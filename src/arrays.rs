@@ -3,18 +3,39 @@
 //! Points are `[f64; 3]` in any one unit of length, tets four indices into them, counted from 0, in either orientation. What is
 //! wrong with an array is an [`ArrayError`] that names its row; nothing here panics on an input.
 
+mod maps;
+#[cfg(test)]
+mod tests;
+
 use std::time::Duration;
 
 use crate::bound::certificate::{self, Certificate};
 use crate::bound::{self, Contradiction, LowerBound, confront};
 use crate::cancel::Cancel;
 use crate::domain::Domain;
-use crate::map::{RadialCoordinates, RayEnd, RayError, bijectivity, caraman, spherical_starts};
-use crate::measure::{Summary, measure as measure_domain};
+use crate::map::{EvaluatorError, RadialCoordinates, RayEnd, RayError, bijectivity, caraman, spherical_starts};
+use crate::measure::{Summary, measure as measure_domain, measure_onto_ball};
 use crate::mesh::{MeshError, TetMesh, TopologyError, Unit, Vec3, VertexId, full_boundary};
 use crate::optimize::{BoundaryValues, OptimizeError, OptimizeSettings, StopReason, Tangled, TraceRow};
-use crate::solid::{CentreChoice, CentreError, KernelError, Surface, SurfaceError, star_centre};
+use crate::solid::{
+    CentreChoice, CentreError, KernelError, Refinement, ShellError, ShellSettings, Surface, SurfaceError, shell_mesh,
+    star_centre,
+};
 use crate::sphere::SphereError;
+
+pub use maps::{evaluate, inverse, radial_map, sphere_map};
+
+/// Where the boundary goes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum BoundaryMap {
+    /// Along the rays from the star centre where there is one, else by [`sphere_map`].
+    #[default]
+    Auto,
+    /// Along the rays from the star centre; a solid without one is refused.
+    Radial,
+    /// By [`sphere_map`], whatever the solid.
+    Spherical,
+}
 
 /// Settings of [`ball_map`].
 #[derive(Clone, Debug, PartialEq)]
@@ -22,6 +43,8 @@ use crate::sphere::SphereError;
 pub struct BallMapSettings {
     /// The point that goes to the centre of the ball.
     pub centre: CentreChoice,
+    /// Where the boundary goes.
+    pub boundary: BoundaryMap,
     /// A point at the fraction t of its ray starts at the radius t^exponent; > 0.
     pub exponent: f64,
     /// How the start is improved.
@@ -33,7 +56,7 @@ pub struct BallMapSettings {
 impl Default for BallMapSettings {
     fn default() -> Self {
         let optimize = OptimizeSettings::default();
-        Self { centre: CentreChoice::Kernel, exponent: 1.0, optimize, certify: None }
+        Self { centre: CentreChoice::Kernel, boundary: BoundaryMap::Auto, exponent: 1.0, optimize, certify: None }
     }
 }
 
@@ -108,12 +131,42 @@ pub enum ArrayError {
     /// A setting out of its range.
     #[error("the exponent is {0}, but it must be a positive number")]
     Exponent(f64),
+    /// A triangle with a vertex that there is not.
+    #[error("row {row} of triangles is {triangle:?}, but there are {vertices} vertices, counted from 0")]
+    NoSuchVertex {
+        /// The row.
+        row: usize,
+        /// Its vertices.
+        triangle: [u32; 3],
+        /// How many there are.
+        vertices: usize,
+    },
+    /// Points that are no vertices of the surface, so that nothing takes them anywhere.
+    #[error(
+        "{found} of the {points} points are vertices of the closed surface; drop points that no triangle names, and let points at \
+         one place be one"
+    )]
+    NotVertices {
+        /// How many points there are.
+        points: usize,
+        /// How many vertices.
+        found: usize,
+    },
+    /// The surface cannot be filled with shells of tets.
+    #[error(transparent)]
+    Shell(#[from] ShellError),
+    /// A map that cannot be evaluated.
+    #[error(transparent)]
+    Evaluator(#[from] EvaluatorError),
     /// The tets are no mesh.
     #[error("{0} (tets and vertices are counted from 0)")]
     Mesh(#[from] MeshError),
     /// The mesh is not a ball.
     #[error("{0} (vertices are counted from 0)")]
     Topology(#[from] TopologyError),
+    /// The triangles are no surface of a solid.
+    #[error("the surface: {0}")]
+    Triangles(#[source] SurfaceError),
     /// The boundary of the mesh is no surface of a solid.
     #[error("the boundary of the mesh: {0}")]
     Surface(#[from] SurfaceError),
@@ -176,30 +229,58 @@ pub fn ball_map_observed(
     settings: &BallMapSettings,
     observe: &mut dyn FnMut(&TraceRow),
 ) -> Result<MappedMesh, ArrayError> {
-    if !(settings.exponent > 0.0 && settings.exponent.is_finite()) {
-        return Err(ArrayError::Exponent(settings.exponent));
-    }
+    check_exponent(settings.exponent)?;
     let (mesh, unit) = mesh(points, tets)?;
     let given = Domain::new(mesh)?;
     let surface = Surface::from_triangles(given.mesh().points().to_vec(), given.boundary().triangles())?;
-    let choice = match &settings.centre {
-        CentreChoice::At(point) => CentreChoice::At(point.map(|x| unit.take(x, 1))),
-        rule => rule.clone(),
-    };
-    let centre = match star_centre(&surface, &choice) {
-        Err(CentreError::Kernel(KernelError::NotStarShaped { .. })) => None,
-        centre => Some(centre?.position),
-    };
+    let centre = centre_of(&surface, unit, settings)?;
     let full = full_boundary(given.mesh(), given.boundary());
     let domain = if full.parents().is_empty() { given } else { Domain::new(full.mesh()?)? };
-    let (start, second) = match centre {
+    let radial = match centre {
         Some(centre) => {
             let coordinates = RadialCoordinates::of_domain(&domain, &surface, centre, RayEnd::Only)?;
-            (caraman(&coordinates, settings.exponent), None)
+            Some((centre, caraman(&coordinates, settings.exponent)))
         }
+        None => None,
+    };
+    mapped(domain, unit, radial, settings, observe)
+}
+
+/// The same of a solid given by the triangles of its surface: it is filled with shells of tets about the star centre, which it
+/// must have, whose surface triangles are refined until there are about `cells` tets.
+///
+/// # Errors
+/// As [`ball_map`]; triangles that are no closed surface, or a solid that is not star-shaped, which needs tets of its own.
+pub fn ball_map_of_surface(
+    points: &[[f64; 3]],
+    triangles: &[[u32; 3]],
+    cells: usize,
+    settings: &BallMapSettings,
+    observe: &mut dyn FnMut(&TraceRow),
+) -> Result<MappedMesh, ArrayError> {
+    check_exponent(settings.exponent)?;
+    let (surface, unit) = maps::surface(points, triangles)?;
+    let centre = star_centre(&surface, &in_unit(&settings.centre, unit))?.position;
+    let shells = ShellSettings { subdivisions: 1, refinement: Some(Refinement::Cells(cells)), layers: 8, grading: 1.0 };
+    let shell = shell_mesh(&surface, centre, &shells)?;
+    let radial = (settings.boundary != BoundaryMap::Spherical)
+        .then(|| (centre, caraman(&RadialCoordinates::of_shell(&shell), settings.exponent)));
+    mapped(Domain::new(shell.mesh)?, unit, radial, settings, observe)
+}
+
+/// From the star centre and the radial map, or else from a map of the boundary onto the sphere.
+fn mapped(
+    domain: Domain,
+    unit: Unit,
+    radial: Option<(Vec3, Vec<Vec3>)>,
+    settings: &BallMapSettings,
+    observe: &mut dyn FnMut(&TraceRow),
+) -> Result<MappedMesh, ArrayError> {
+    let (centre, start, second) = match radial {
+        Some((centre, start)) => (Some(centre), start, None),
         None => {
             let starts = spherical_starts(&domain)?;
-            (starts.hyperbolic, Some(starts.harmonic))
+            (None, starts.hyperbolic, Some(starts.harmonic))
         }
     };
     let tangled = Tangled { domain, start, second, fixed: None, may_refine: true };
@@ -208,6 +289,30 @@ pub fn ball_map_observed(
     let radial = settings.optimize.boundary_values == BoundaryValues::Fixed;
     map.bound(centre.filter(|_| radial), settings.certify);
     map.arrays()
+}
+
+/// The star centre that the boundary goes away from, if it does.
+fn centre_of(surface: &Surface, unit: Unit, settings: &BallMapSettings) -> Result<Option<Vec3>, ArrayError> {
+    if settings.boundary == BoundaryMap::Spherical {
+        return Ok(None);
+    }
+    match star_centre(surface, &in_unit(&settings.centre, unit)) {
+        Err(CentreError::Kernel(KernelError::NotStarShaped { .. })) if settings.boundary == BoundaryMap::Auto => {
+            Ok(None)
+        }
+        centre => Ok(Some(centre?.position)),
+    }
+}
+
+fn in_unit(choice: &CentreChoice, unit: Unit) -> CentreChoice {
+    match choice {
+        CentreChoice::At(point) => CentreChoice::At(point.map(|x| unit.take(x, 1))),
+        rule => rule.clone(),
+    }
+}
+
+fn check_exponent(exponent: f64) -> Result<(), ArrayError> {
+    if exponent > 0.0 && exponent.is_finite() { Ok(()) } else { Err(ArrayError::Exponent(exponent)) }
 }
 
 /// Lowers the dilatation of any map of any tet mesh: `image` is the start, and the vertices with `fixed` true stay where they
@@ -349,7 +454,7 @@ impl Improved {
 
     /// Measures the final positions and hands everything out.
     fn arrays(self) -> Result<MappedMesh, ArrayError> {
-        let measured = measure_domain(&self.domain, &self.image);
+        let measured = measure_onto_ball(&self.domain, &self.image);
         confront(&self.bounds, &self.domain, &self.image, &measured.summary, ARRAYS)?;
         let rows = |points: &[Vec3]| points.iter().map(|&p| p.into()).collect();
         Ok(MappedMesh {
@@ -394,95 +499,4 @@ fn positions(array: &'static str, rows: &[[f64; 3]], vertices: usize) -> Result<
     let points: Vec<Vec3> = rows.iter().map(|&p| p.into()).collect();
     let unit = Unit::of(&points);
     Ok((unit.take_points(&points), unit))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::mesh::fixtures::{cube, fan};
-
-    /// The cube [-1, 1]^3 as a fan of its surface triangles.
-    fn cube_fan() -> (Vec<[f64; 3]>, Vec<[u32; 4]>) {
-        let mesh = fan(&cube(), Vec3::zeros());
-        (mesh.points().iter().map(|&p| p.into()).collect(), mesh.tets().iter().map(|tet| tet.map(|v| v.0)).collect())
-    }
-
-    #[test]
-    fn each_fault_of_an_array_names_its_row() {
-        let (points, tets) = cube_fan();
-        let refused = |points: &[[f64; 3]], tets: &[[u32; 4]]| {
-            ball_map(points, tets, &BallMapSettings::default()).expect_err("a fault").to_string()
-        };
-        let with = |row: usize, tet: [u32; 4]| {
-            let mut tets = tets.clone();
-            tets[row] = tet;
-            tets
-        };
-        let mut holey = points.clone();
-        holey[3][1] = f64::NAN;
-        assert!(refused(&holey, &tets).contains("vertex 3 has a coordinate that is not finite"));
-        assert!(refused(&points, &with(5, [0, 1, 2, 99])).contains("tet 5 names vertex 99"));
-        assert!(refused(&points, &with(5, [0, 1, 1, 8])).contains("tet 5 names vertex 1 twice"));
-        assert!(refused(&points, &[]).contains("no tetrahedra"));
-        let short = measure(&points, &tets, &points[1..]).unwrap_err().to_string();
-        assert!(short.contains("image has 8 rows, but there are 9 vertices"), "{short}");
-        let fixed = optimize(&points, &tets, &points, Some(&[true]), &OptimizeSettings::default());
-        assert!(fixed.unwrap_err().to_string().contains("fixed has 1 rows"));
-        let infinite = optimize(&points, &tets, &holey, None, &OptimizeSettings::default());
-        assert!(infinite.unwrap_err().to_string().contains("row 3 of image"));
-        assert!(bounds(&points, &tets, &holey, None).unwrap_err().to_string().contains("row 3 of image"));
-        let exponent = BallMapSettings { exponent: 0.0, ..Default::default() };
-        assert!(ball_map(&points, &tets, &exponent).unwrap_err().to_string().contains("the exponent is 0"));
-    }
-
-    #[test]
-    fn tets_keep_their_order_and_are_taken_in_either_orientation() {
-        let (points, tets) = cube_fan();
-        // A stretch by 2, 1, 1: K_I = 2 and K_O = 4 on every tet, however its vertices are ordered.
-        let image: Vec<[f64; 3]> = points.iter().map(|&[x, y, z]| [2.0 * x, y, z]).collect();
-        let turned: Vec<[u32; 4]> = tets.iter().map(|&[a, b, c, d]| [b, a, c, d]).collect();
-        for tets in [&tets, &turned] {
-            let measured = measure(&points, tets, &image).unwrap();
-            assert!(measured.flipped.is_empty());
-            assert!(measured.k_inner.iter().all(|k| (k - 2.0).abs() < 1e-14));
-            assert!(measured.k.iter().all(|k| (k - 4.0).abs() < 1e-14));
-        }
-        let mut pushed = image.clone();
-        pushed[8] = [3.0, 0.0, 0.0];
-        let measured = measure(&points, &tets, &pushed).unwrap();
-        assert_eq!(measured.flipped.len(), 2);
-        assert!(measured.flipped.iter().all(|&tet| measured.k[tet as usize] == f64::INFINITY));
-    }
-
-    #[test]
-    fn results_do_not_depend_on_the_units_of_the_arrays() {
-        let (points, tets) = cube_fan();
-        let scaled = |rows: &[[f64; 3]], scale: f64| -> Vec<[f64; 3]> {
-            rows.iter().map(|row| row.map(|x| x * scale)).collect()
-        };
-        let settings = BallMapSettings { certify: None, ..Default::default() };
-        let one = ball_map(&points, &tets, &settings).unwrap();
-        for scale in [2f64.powi(900), 2f64.powi(-900)] {
-            let other = ball_map(&scaled(&points, scale), &tets, &settings).unwrap();
-            assert_eq!((&other.k, &other.image, other.stop), (&one.k, &one.image, one.stop));
-            assert_eq!(other.points, scaled(&one.points, scale));
-            let optimized = optimize(&points, &tets, &scaled(&one.image, scale), None, &settings.optimize).unwrap();
-            let beside = optimize(&points, &tets, &one.image, None, &settings.optimize).unwrap();
-            assert_eq!((optimized.k, optimized.image), (beside.k, scaled(&beside.image, scale)));
-        }
-    }
-
-    #[test]
-    fn locked_tets_are_split_unless_the_caller_says_what_is_fixed() {
-        // An octahedron as four tets about an axis that joins two boundary vertices.
-        let points = [[1., 0., 0.], [0., 1., 0.], [-1., 0., 0.], [0., -1., 0.], [0., 0., 1.], [0., 0., -1.]]
-            .map(|p: [f64; 3]| p);
-        let tets = [[4, 5, 0, 1], [4, 5, 1, 2], [4, 5, 2, 3], [4, 5, 3, 0]];
-        let settings = OptimizeSettings::default();
-        let map = optimize(&points, &tets, &points, None, &settings).unwrap();
-        assert_eq!((map.points.len(), map.tets.len(), map.image.len()), (7, 8, 7));
-        assert!(map.summary.max_k < 1.0 + 1e-9 && !map.bounds.is_empty());
-        let kept = optimize(&points, &tets, &points, Some(&[true; 6]), &settings).unwrap();
-        assert_eq!((kept.tets.len(), kept.stop), (4, StopReason::NothingFree));
-    }
 }

@@ -15,6 +15,7 @@ mod sphere;
 mod sweep;
 mod verify;
 
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -181,18 +182,34 @@ pub(crate) enum Failure {
     Output(#[source] std::io::Error),
 }
 
-/// Runs the command line of this process.
-///
-/// Exit codes: 0 done; 1 ended without what was asked for, report written; 2 bad input or usage, nothing written; 130 ended by
-/// a signal, the best so far written if there was a map.
+/// Runs the command line of this process, whose exit code is that of [`call`].
 pub fn main() -> ExitCode {
+    let program = std::env::current_exe().unwrap_or_else(|_| "qcball".into());
+    let arguments: Vec<OsString> = std::env::args_os().skip(1).collect();
+    ExitCode::from(call(&program, &arguments))
+}
+
+/// Runs a command line in this process, once; `program` is what has to be run for the same with other arguments.
+///
+/// The result is the exit code: 0 done; 1 ended without what was asked for, report written; 2 bad input or usage, nothing written;
+/// 130 ended by a signal, the best so far written if there was a map.
+pub fn call(program: &Path, arguments: &[OsString]) -> u8 {
     experiment::heed_environment();
-    let ending = match Cli::parse().command {
+    let words = std::iter::once(OsString::from("qcball")).chain(arguments.iter().cloned());
+    let cli = match Cli::try_parse_from(words) {
+        Ok(cli) => cli,
+        Err(error) => {
+            // Help and version are among these; nothing is left to tell them to if standard output is closed.
+            let _ = error.print();
+            return u8::try_from(error.exit_code()).unwrap_or(2);
+        }
+    };
+    let ending = match cli.command {
         Command::Run(arguments) => run(&arguments),
         Command::Measure(arguments) => measure::measure_map(&arguments),
         Command::Bounds(arguments) => measure::bound_map(&arguments),
         Command::Optimize(arguments) => optimize::optimize(&arguments),
-        Command::Sweep(arguments) => sweep::sweep(&arguments),
+        Command::Sweep(arguments) => sweep::sweep(&arguments, program),
         Command::Compare(arguments) => compare::compare_folders(&arguments),
         Command::Table(arguments) => compare::table(&arguments),
         Command::Verify(arguments) => verify::verify_folder(&arguments),
@@ -200,24 +217,24 @@ pub fn main() -> ExitCode {
         Command::Evaluate(arguments) => evaluate::evaluate(&arguments),
         Command::Sphere(arguments) => sphere::sphere(&arguments),
         Command::Picture(arguments) => picture::picture(&arguments),
-        Command::Bench(arguments) => bench::bench(&arguments),
+        Command::Bench(words) => bench::bench(&words, program, arguments),
         Command::Report { folder } => report(&folder),
         Command::Schema => print(&(schema() + "\n")),
         Command::Completions { shell } => completions(shell),
     };
     match ending {
-        Ok(Ending::Done) => ExitCode::SUCCESS,
-        Ok(Ending::Unfulfilled) => ExitCode::from(1),
-        Ok(Ending::Interrupted) => ExitCode::from(interrupt::EXIT_CODE),
+        Ok(Ending::Done) => 0,
+        Ok(Ending::Unfulfilled) => 1,
+        Ok(Ending::Interrupted) => interrupt::EXIT_CODE,
         // `qcball schema | head` ends here: no news, and no failure.
-        Err(Failure::Output(error)) if error.kind() == std::io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
+        Err(Failure::Output(error)) if error.kind() == std::io::ErrorKind::BrokenPipe => 0,
         Err(failure) => {
             show_error(&failure);
-            ExitCode::from(match failure {
+            match failure {
                 Failure::Output(_) => 1,
                 Failure::Run(RunError::Interrupted) => interrupt::EXIT_CODE,
                 _ => 2,
-            })
+            }
         }
     }
 }

@@ -1,6 +1,7 @@
 //! `qcball bench CONFIG.toml MESHES_DIR`.
 
-use std::path::PathBuf;
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
@@ -33,15 +34,14 @@ pub(crate) struct BenchArguments {
 }
 
 /// `qcball bench`.
-pub(super) fn bench(arguments: &BenchArguments) -> Result<Ending, Failure> {
+pub(super) fn bench(arguments: &BenchArguments, program: &Path, words: &[OsString]) -> Result<Ending, Failure> {
     let plan = BenchPlan::read(&arguments.config)?;
     let cases = bench::cases(&arguments.meshes, &arguments.only)?;
     let peers = arguments.peers.as_deref().map(Peers::read).transpose()?;
-    let command: Vec<String> = std::env::args().skip(1).collect();
+    let command: Vec<_> = words.iter().map(|word| word.to_string_lossy()).collect();
     let threads = arguments.threads.map_or(plan.threads, usize::from);
     let conditions = Conditions::now(format!("qcball {}", command.join(" ")), threads);
-    let program = std::env::current_exe().unwrap_or_else(|_| "qcball".into());
-    let processes = Processes { program, cancel: cancel_on_signal() };
+    let processes = Processes { program: program.into(), cancel: cancel_on_signal() };
     let rows =
         bench::run(&processes, &plan, &conditions, &cases, peers.as_ref(), &arguments.out, |row| match &row.figures {
             Ok(figures) => {

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeSet, HashMap};
 use std::io::{IsTerminal, stderr};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use clap::{Args, ValueEnum};
@@ -71,7 +71,7 @@ enum Queue {
 }
 
 /// `qcball sweep`.
-pub(super) fn sweep(arguments: &SweepArguments) -> Result<Ending, Failure> {
+pub(super) fn sweep(arguments: &SweepArguments, program: &Path) -> Result<Ending, Failure> {
     let sweep = Sweep::read(&arguments.config, &arguments.set)?;
     let root = arguments.out.clone().unwrap_or_else(|| PathBuf::from("results").join(&sweep.name));
     let folder = SweepFolder::new(root);
@@ -82,7 +82,7 @@ pub(super) fn sweep(arguments: &SweepArguments) -> Result<Ending, Failure> {
     }
     folder.prepare()?;
     if let Some(Queue::Slurm) = arguments.emit {
-        return emit(arguments, &sweep, &folder);
+        return emit(arguments, program, &sweep, &folder);
     }
     if arguments.index_only {
         let tally = write_index(&sweep, &folder)?;
@@ -165,12 +165,11 @@ fn list(sweep: &Sweep, cases: &[&Case], folder: &SweepFolder) -> String {
     text + &format!("{} of {} cases, {done} done, in {}\n", cases.len(), sweep.cases.len(), shown_path(folder.path()))
 }
 
-fn emit(arguments: &SweepArguments, sweep: &Sweep, folder: &SweepFolder) -> Result<Ending, Failure> {
-    let program = std::env::current_exe().unwrap_or_else(|_| "qcball".into());
+fn emit(arguments: &SweepArguments, program: &Path, sweep: &Sweep, folder: &SweepFolder) -> Result<Ending, Failure> {
     let tasks = arguments.tasks.map_or(sweep.cases.len().min(MOST_TASKS), usize::from);
     let job = SlurmJob {
         name: sweep.name.clone(),
-        program,
+        program: program.into(),
         config: arguments.config.clone(),
         overrides: arguments.set.clone(),
         tasks: tasks.min(sweep.cases.len()),

@@ -1,29 +1,35 @@
 //! The compiled half of the Python package: bytes of arrays in, bytes of arrays out. `qcball/__init__.py` checks what it is given
 //! and says what comes back.
 
-use std::sync::{Mutex, PoisonError, mpsc};
+mod files;
+mod task;
+
+use std::ffi::OsString;
+use std::path::PathBuf;
 use std::time::Duration;
 
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
-use qcball::arrays::{self, BallMapSettings, MappedMesh};
+use qcball::arrays::{self, BallMapSettings, BoundaryMap, MappedMesh};
 use qcball::bound::best_applicable;
-use qcball::mesh::io::read_tets;
-use qcball::optimize::{OptimizeSettings, Polish, TraceRow};
+use qcball::map::Onto;
 use qcball::solid::{CentreChoice, StarKernel, Surface};
+use qcball::sphere::SphereSettings;
 use qcball::{LowerBound, Vec3, VertexId};
 
-/// How often a signal is looked for.
-const POLL: Duration = Duration::from_millis(50);
+use task::Options;
 
 fn value_error(error: impl ToString) -> PyErr {
     PyValueError::new_err(error.to_string())
 }
 
 fn points_of(bytes: &[u8]) -> Vec<[f64; 3]> {
-    let numbers: Vec<f64> = bytes.as_chunks::<8>().0.iter().map(|chunk| f64::from_ne_bytes(*chunk)).collect();
-    numbers.as_chunks::<3>().0.to_vec()
+    floats_of(bytes).as_chunks::<3>().0.to_vec()
+}
+
+fn floats_of(bytes: &[u8]) -> Vec<f64> {
+    bytes.as_chunks::<8>().0.iter().map(|chunk| f64::from_ne_bytes(*chunk)).collect()
 }
 
 fn cells_of<const N: usize>(bytes: &[u8]) -> Vec<[u32; N]> {
@@ -35,6 +41,10 @@ fn floats<'py>(py: Python<'py>, numbers: &[f64]) -> Bound<'py, PyBytes> {
     PyBytes::new(py, &numbers.iter().flat_map(|x| x.to_ne_bytes()).collect::<Vec<u8>>())
 }
 
+fn positions<'py>(py: Python<'py>, points: &[Vec3]) -> Bound<'py, PyBytes> {
+    floats(py, &points.iter().flat_map(|p| [p.x, p.y, p.z]).collect::<Vec<f64>>())
+}
+
 fn indices<'py>(py: Python<'py>, numbers: &[u32]) -> Bound<'py, PyBytes> {
     PyBytes::new(py, &numbers.iter().flat_map(|x| x.to_ne_bytes()).collect::<Vec<u8>>())
 }
@@ -43,77 +53,12 @@ fn json(value: &impl serde::Serialize) -> PyResult<String> {
     serde_json::to_string(value).map_err(|error| PyRuntimeError::new_err(error.to_string()))
 }
 
-/// What a caller may set of an optimization, and how he watches it.
-#[derive(FromPyObject)]
-#[pyo3(from_item_all)]
-struct Options {
-    time_limit: Option<f64>,
-    max_iterations: usize,
-    tolerance: f64,
-    polish: bool,
-    threads: usize,
-    observe: Option<Py<PyAny>>,
+fn seconds(given: Option<f64>) -> PyResult<Option<Duration>> {
+    given.map(Duration::try_from_secs_f64).transpose().map_err(value_error)
 }
 
-impl Options {
-    fn settings(&self) -> PyResult<OptimizeSettings> {
-        Ok(OptimizeSettings {
-            max_iterations: self.max_iterations,
-            tolerance: self.tolerance,
-            polish: if self.polish { Polish::Mean } else { Polish::None },
-            time_limit: self.time_limit.map(Duration::try_from_secs_f64).transpose().map_err(value_error)?,
-            ..OptimizeSettings::default()
-        })
-    }
-
-    /// Does a job on a thread of its own while this one, without the interpreter's lock, waits for signals: one of them, or an
-    /// error of the observer, calls `stop`, and the job is expected to end soon with what it has.
-    fn run<T: Send>(
-        &self,
-        py: Python<'_>,
-        stop: impl Fn() + Sync,
-        job: impl FnOnce(&mut dyn FnMut(&TraceRow)) -> T + Send,
-    ) -> PyResult<T> {
-        let observer = self.observe.as_ref().map(|observe| observe.clone_ref(py));
-        let (threads, stop) = (self.threads, &stop);
-        std::thread::scope(|scope| {
-            let (done, finished) = mpsc::channel();
-            scope.spawn(move || {
-                let result = qcball::experiment::on_threads(threads, move || {
-                    let mut failed: Option<PyErr> = None;
-                    let result = job(&mut |row| {
-                        let (Some(observer), None) = (&observer, &failed) else { return };
-                        let row = (row.phase.as_str(), row.iteration, row.max_k, row.mean_k, row.progress, row.seconds);
-                        failed = Python::attach(|py| observer.call1(py, row)).err();
-                        if failed.is_some() {
-                            stop();
-                        }
-                    });
-                    (result, failed)
-                });
-                // Nobody is left to hear if the other side is gone.
-                let _ = done.send(result);
-            });
-            // Only to be shared with the closure that waits.
-            let finished = Mutex::new(finished);
-            loop {
-                let waited = py.detach(|| finished.lock().unwrap_or_else(PoisonError::into_inner).recv_timeout(POLL));
-                match waited {
-                    Ok(Ok((_, Some(error)))) => return Err(error),
-                    Ok(Ok((result, None))) => return Ok(result),
-                    Ok(Err(error)) => return Err(value_error(error)),
-                    Err(mpsc::RecvTimeoutError::Timeout) => {
-                        if py.check_signals().is_err() {
-                            stop();
-                        }
-                    }
-                    Err(mpsc::RecvTimeoutError::Disconnected) => {
-                        return Err(PyRuntimeError::new_err("the computation ended without a result"));
-                    }
-                }
-            }
-        })
-    }
+fn centre_of(centre: Option<[f64; 3]>) -> CentreChoice {
+    centre.map_or(CentreChoice::Kernel, |centre| CentreChoice::At(Vec3::from(centre)))
 }
 
 fn map_to_python<'py>(py: Python<'py>, map: &MappedMesh) -> PyResult<Bound<'py, PyDict>> {
@@ -126,6 +71,7 @@ fn map_to_python<'py>(py: Python<'py>, map: &MappedMesh) -> PyResult<Bound<'py, 
     result.set_item("K_outer", floats(py, &map.k_outer))?;
     result.set_item("max_K", map.summary.max_k)?;
     result.set_item("mean_K", map.summary.mean_k)?;
+    result.set_item("ball_K", map.summary.ball_k.map(|k| k.certified))?;
     result.set_item("bijective", map.bijective)?;
     result.set_item("stop", json(&map.stop)?)?;
     result.set_item("bounds", json(&map.bounds)?)?;
@@ -138,28 +84,49 @@ fn best(bounds: &[LowerBound]) -> Option<f64> {
     best_applicable(bounds).map(|bound| bound.value)
 }
 
+/// What a caller may set of a map onto the ball.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+struct BallOptions {
+    centre: Option<[f64; 3]>,
+    exponent: f64,
+    boundary: String,
+    cells_wanted: usize,
+    certify: Option<f64>,
+}
+
+/// `cells` are tets, or with `corners` = 3 the triangles of a surface.
 #[pyfunction]
 fn ball_map<'py>(
     py: Python<'py>,
     points: &[u8],
-    tets: &[u8],
-    centre: Option<[f64; 3]>,
-    exponent: f64,
-    certify: Option<f64>,
+    cells: &[u8],
+    corners: usize,
+    ball: BallOptions,
     options: Options,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let (points, tets) = (points_of(points), cells_of::<4>(tets));
+    let points = points_of(points);
     let mut settings = BallMapSettings::default();
-    settings.centre = centre.map_or(CentreChoice::Kernel, |centre| CentreChoice::At(Vec3::from(centre)));
-    settings.exponent = exponent;
-    settings.certify = certify.map(Duration::try_from_secs_f64).transpose().map_err(value_error)?;
+    settings.centre = centre_of(ball.centre);
+    settings.exponent = ball.exponent;
+    settings.boundary = match ball.boundary.as_str() {
+        "radial" => BoundaryMap::Radial,
+        "spherical" => BoundaryMap::Spherical,
+        _ => BoundaryMap::Auto,
+    };
+    settings.certify = seconds(ball.certify)?;
     settings.optimize = options.settings()?;
     let cancel = settings.optimize.cancel.clone();
-    let stop = || {
-        cancel.raise();
+    let map = if corners == 3 {
+        let triangles = cells_of::<3>(cells);
+        options.run(py, &cancel, |observe| {
+            arrays::ball_map_of_surface(&points, &triangles, ball.cells_wanted, &settings, observe)
+        })
+    } else {
+        let tets = cells_of::<4>(cells);
+        options.run(py, &cancel, |observe| arrays::ball_map_observed(&points, &tets, &settings, observe))
     };
-    let map = options.run(py, stop, |observe| arrays::ball_map_observed(&points, &tets, &settings, observe))?;
-    map_to_python(py, &map.map_err(value_error)?)
+    map_to_python(py, &map?.map_err(value_error)?)
 }
 
 #[pyfunction]
@@ -173,11 +140,7 @@ fn optimize<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let (points, tets, image) = (points_of(points), cells_of::<4>(tets), points_of(image));
     let settings = options.settings()?;
-    let cancel = settings.cancel.clone();
-    let stop = || {
-        cancel.raise();
-    };
-    let map = options.run(py, stop, |observe| {
+    let map = options.run(py, &settings.cancel, |observe| {
         arrays::optimize_observed(&points, &tets, &image, fixed.as_deref(), &settings, observe)
     })?;
     map_to_python(py, &map.map_err(value_error)?)
@@ -206,7 +169,7 @@ fn bounds(
     certify: Option<f64>,
 ) -> PyResult<(String, Option<f64>)> {
     let (points, tets, image) = (points_of(points), cells_of::<4>(tets), points_of(image));
-    let certify = certify.map(Duration::try_from_secs_f64).transpose().map_err(value_error)?;
+    let certify = seconds(certify)?;
     let bounds = py.detach(|| arrays::bounds(&points, &tets, &image, certify)).map_err(value_error)?;
     Ok((json(&bounds)?, best(&bounds)))
 }
@@ -224,11 +187,54 @@ fn star_kernel(py: Python<'_>, points: &[u8], triangles: &[u8]) -> PyResult<([f6
 }
 
 #[pyfunction]
-fn read<'py>(py: Python<'py>, path: std::path::PathBuf) -> PyResult<(Bound<'py, PyBytes>, Bound<'py, PyBytes>)> {
-    let soup = py.detach(|| read_tets(&path)).map_err(value_error)?;
-    let points: Vec<f64> = soup.points.iter().flat_map(|p| [p.x, p.y, p.z]).collect();
-    let tets: Vec<u32> = soup.tets.iter().flatten().map(|v| v.0).collect();
-    Ok((floats(py, &points), indices(py, &tets)))
+fn radial_map<'py>(
+    py: Python<'py>,
+    points: &[u8],
+    tets: &[u8],
+    centre: Option<[f64; 3]>,
+    exponent: f64,
+) -> PyResult<Bound<'py, PyBytes>> {
+    let (points, tets, centre) = (points_of(points), cells_of::<4>(tets), centre_of(centre));
+    let image = py.detach(|| arrays::radial_map(&points, &tets, &centre, exponent)).map_err(value_error)?;
+    Ok(floats(py, image.as_flattened()))
+}
+
+#[pyfunction]
+fn sphere_map<'py>(
+    py: Python<'py>,
+    points: &[u8],
+    triangles: &[u8],
+    area_weight: f64,
+    shrinkage_weight: f64,
+) -> PyResult<Bound<'py, PyBytes>> {
+    let (points, triangles) = (points_of(points), cells_of::<3>(triangles));
+    let settings = SphereSettings { area_weight, shrinkage_weight };
+    let image = py.detach(|| arrays::sphere_map(&points, &triangles, &settings)).map_err(value_error)?;
+    Ok(floats(py, image.as_flattened()))
+}
+
+/// NaN where a point lies outside.
+#[pyfunction]
+fn evaluate<'py>(
+    py: Python<'py>,
+    map: (Vec<u8>, Vec<u8>, Vec<u8>),
+    at: &[u8],
+    inverse: bool,
+    onto_ball: bool,
+) -> PyResult<Bound<'py, PyBytes>> {
+    let (points, tets, image) = (points_of(&map.0), cells_of::<4>(&map.1), points_of(&map.2));
+    let at = points_of(at);
+    let onto = if onto_ball { Onto::Ball } else { Onto::Polyhedron };
+    let call = if inverse { arrays::inverse } else { arrays::evaluate };
+    let found = py.detach(|| call(&points, &tets, &image, &at, onto)).map_err(value_error)?;
+    let found: Vec<[f64; 3]> = found.into_iter().map(|position| position.unwrap_or([f64::NAN; 3])).collect();
+    Ok(floats(py, found.as_flattened()))
+}
+
+/// The command `qcball`; the exit code.
+#[pyfunction]
+fn main(py: Python<'_>, program: PathBuf, arguments: Vec<OsString>) -> u8 {
+    py.detach(|| qcball::cli::call(&program, &arguments))
 }
 
 #[pymodule]
@@ -238,5 +244,14 @@ fn _qcball(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(measure, module)?)?;
     module.add_function(wrap_pyfunction!(bounds, module)?)?;
     module.add_function(wrap_pyfunction!(star_kernel, module)?)?;
-    module.add_function(wrap_pyfunction!(read, module)?)
+    module.add_function(wrap_pyfunction!(radial_map, module)?)?;
+    module.add_function(wrap_pyfunction!(sphere_map, module)?)?;
+    module.add_function(wrap_pyfunction!(evaluate, module)?)?;
+    module.add_function(wrap_pyfunction!(files::read, module)?)?;
+    module.add_function(wrap_pyfunction!(files::save, module)?)?;
+    module.add_function(wrap_pyfunction!(files::load, module)?)?;
+    module.add_function(wrap_pyfunction!(files::page, module)?)?;
+    module.add_function(wrap_pyfunction!(task::run, module)?)?;
+    module.add_function(wrap_pyfunction!(task::sweep, module)?)?;
+    module.add_function(wrap_pyfunction!(main, module)?)
 }

@@ -1,6 +1,7 @@
-"""A mesh of one's own onto the ball: a box of 3 x 2 x 1 in 8 x 6 x 4 cells of six tets each."""
+"""A mesh of one's own onto the ball: a box of 3 x 2 x 1 in 8 x 6 x 4 cells of six tets each, and the map as a page to look at."""
 
 import itertools
+import pathlib
 
 import numpy as np
 
@@ -23,3 +24,7 @@ for corner in itertools.product(range(nx), range(ny), range(nz)):
 m = qcball.ball_map(points, tets, time_limit=60)
 print(m.summary())
 print("the hardest tet:", m.K.argmax(), "around", m.points[m.cells[m.K.argmax()]].mean(axis=0))
+
+# In a notebook `m` alone shows it; m.to_pyvista().plot(scalars="K") opens a window.
+pathlib.Path("own_mesh.html").write_text(m.to_html(), encoding="utf-8")
+print("open own_mesh.html in a browser")

@@ -4,216 +4,76 @@ Points are arrays of shape (n, 3), float64, in any one unit of length; tets (m, 
 of the points from 0. Lists, other number types and any memory order are taken too. K_inner = s1 s2 / s3^2 and
 K_outer = s1^2 / (s2 s3) with the singular values s1 >= s2 >= s3 of a tet's Jacobian, and K is the larger of them: ratios >= 1
 without units, infinite where a tet is flipped.
+
+Ctrl-C ends an optimization, which returns its best map with stop == "cancelled".
 """
 
 from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable
-from dataclasses import dataclass, field
+import pathlib
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from . import _qcball
+from ._arrays import (
+    Floats,
+    Indices,
+    Overrides,
+    Progress,
+    assignments_of,
+    bytes_of,
+    cells_of,
+    floats_of,
+    indices_of,
+    limit_of,
+    observer_of,
+    one_of,
+    options_of,
+    points_of,
+    threads_of,
+)
+from ._map import Bounds, Map, Measured, Sweep, map_of, of_report
 
-__all__ = ["Map", "Measured", "Bounds", "ball_map", "bounds", "measure", "optimize", "read", "star_kernel"]
+__all__ = [
+    "Bounds",
+    "Map",
+    "Measured",
+    "Sweep",
+    "ball_map",
+    "bounds",
+    "load",
+    "measure",
+    "optimize",
+    "radial_map",
+    "read",
+    "run",
+    "sphere_map",
+    "star_kernel",
+    "sweep",
+]
 __version__ = "0.1.0"
 
-Floats = NDArray[np.float64]
-Indices = NDArray[np.uint32]
-Progress = bool | Callable[[dict[str, Any]], object]
+
+def _found(found: dict[str, Any]) -> Map:
+    parsed = {name: json.loads(found[name]) for name in ("bounds", "stop", "trace")}
+    return map_of(found | parsed)
 
 
-@dataclass(frozen=True)
-class Map:
-    """A mesh, its image, and what is known of the map between them."""
-
-    points: Floats
-    """The vertices of the domain, (n, 3): those given, then the ones that freed tets with all vertices on the boundary."""
-    cells: Indices
-    """The tets, (m, 4), all of positive volume."""
-    image: Floats
-    """The image of each vertex, (n, 3)."""
-    K: Floats
-    """K on each tet, (m,): the larger of the two below."""
-    K_inner: Floats
-    """K_I on each tet, (m,)."""
-    K_outer: Floats
-    """K_O on each tet, (m,)."""
-    max_K: float
-    """The largest K."""
-    mean_K: float
-    """The mean of K, each tet counted once."""
-    bounds: list[dict[str, Any]] = field(repr=False)
-    """Lower bounds for the largest dilatation: name, kind, value, scope, whether it applies to this map, and why."""
-    best_bound: float | None
-    """The largest proved bound that applies."""
-    bijective: bool
-    """Whether the map is proved to be one to one."""
-    stop: str
-    """Why the optimization ended: "optimal", "converged", "time-limit", "cancelled", ..."""
-    trace: list[dict[str, Any]] = field(repr=False)
-    """One entry an iteration."""
-
-    @property
-    def gap(self) -> float | None:
-        """max_K / best_bound: 1 for a map that is proved to be the best."""
-        return None if self.best_bound is None else self.max_K / self.best_bound
-
-    def summary(self) -> str:
-        """The figures in words."""
-        bound = "none" if self.best_bound is None else f"{self.best_bound:.4f}"
-        return (
-            f"{len(self.cells)} tets, max K {self.max_K:.4f}, mean K {self.mean_K:.4f}, best bound {bound}, "
-            f"{'bijective' if self.bijective else 'not proved bijective'}, {self.stop}"
-        )
-
-    def to_meshio(self) -> Any:
-        """The image as a meshio.Mesh with K, K_inner, K_outer on cells and the domain's positions on points."""
-        import meshio  # type: ignore[import-untyped, import-not-found, unused-ignore]
-
-        data = {"K": [self.K], "K_inner": [self.K_inner], "K_outer": [self.K_outer]}
-        return meshio.Mesh(self.image, [("tetra", self.cells)], point_data={"domain": self.points}, cell_data=data)
-
-    def to_pyvista(self) -> Any:
-        """The image as a pyvista.UnstructuredGrid with the same data."""
-        import pyvista  # type: ignore[import-untyped, import-not-found, unused-ignore]
-
-        return pyvista.from_meshio(self.to_meshio())
-
-
-@dataclass(frozen=True)
-class Measured:
-    """The dilatations of a map, tet by tet."""
-
-    K: Floats
-    K_inner: Floats
-    K_outer: Floats
-    flipped: Indices
-    """The tets whose image has no positive volume."""
-    max_K: float
-    mean_K: float
-
-
-@dataclass(frozen=True)
-class Bounds:
-    """Lower bounds for the largest dilatation."""
-
-    bounds: list[dict[str, Any]]
-    """Each with name, kind, value, scope, whether it applies, and why."""
-    best: float | None
-    """The largest proved bound that applies."""
-
-
-def _points(name: str, given: ArrayLike, finite: bool = True) -> Floats:
-    try:
-        points = np.ascontiguousarray(given, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{name} must be an array of numbers of shape (n, 3): {error}") from None
-    if points.ndim != 2 or points.shape[1] != 3:
-        raise ValueError(f"{name} has the shape {points.shape}, but must have the shape (n, 3)")
-    if finite:
-        bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
-        if bad.size:
-            raise ValueError(f"row {bad[0]} of {name} holds a number that is not finite: {points[bad[0]].tolist()}")
-    return points
-
-
-def _cells(name: str, given: ArrayLike, corners: int, vertices: int) -> Indices:
-    try:
-        cells = np.asarray(given)
-    except ValueError as error:
-        raise ValueError(f"{name} must be an array of integers of shape (m, {corners}): {error}") from None
-    if cells.ndim != 2 or cells.shape[1] != corners:
-        raise ValueError(f"{name} has the shape {cells.shape}, but must have the shape (m, {corners})")
-    if cells.dtype.kind not in "iu":
-        raise ValueError(f"{name} has the type {cells.dtype}, but must hold integers")
-    bad = np.flatnonzero(((cells < 0) | (cells >= vertices)).any(axis=1))
-    if bad.size:
-        row = cells[bad[0]].tolist()
-        raise ValueError(f"row {bad[0]} of {name} is {row}, but there are the vertices 0 to {vertices - 1} only")
-    return np.ascontiguousarray(cells, dtype=np.uint32)
-
-
-def _bytes(array: NDArray[Any]) -> bytes:
-    return array.tobytes()
-
-
-def _floats(data: bytes, *shape: int) -> Floats:
-    return np.frombuffer(data, dtype=np.float64).reshape(*shape).copy() if shape else np.frombuffer(data, np.float64).copy()
-
-
-def _indices(data: bytes, *shape: int) -> Indices:
-    return np.frombuffer(data, dtype=np.uint32).reshape(*shape).copy() if shape else np.frombuffer(data, np.uint32).copy()
-
-
-def _print(row: dict[str, Any]) -> None:
-    print(f"{row['phase']:>10} {row['iteration']:5d}  max K {row['max_K']:.6g}  mean K {row['mean_K']:.6g}")
-
-
-def _observer(progress: Progress) -> Callable[..., object] | None:
-    if progress is False:
-        return None
-    show: Callable[[dict[str, Any]], object] = _print if progress is True else progress
-    names = ("phase", "iteration", "max_K", "mean_K", "progress", "seconds")
-    return lambda *row: show(dict(zip(names, row, strict=True)))
-
-
-def _options(
-    time_limit: float | None, max_iterations: int, tolerance: float, polish: bool, threads: int, progress: Progress
-) -> dict[str, Any]:
-    if time_limit is not None and not 0 < time_limit < 1e9:
-        raise ValueError(f"time_limit is {time_limit}, but must be a number of seconds between 0 and 1e9, or None")
-    if not 0 < tolerance < 1e9:
-        raise ValueError(f"tolerance is {tolerance}, but must be positive")
-    if not 0 <= threads <= 1024:
-        raise ValueError(f"threads is {threads}, but must be from 0, for all cores, to 1024")
-    if max_iterations < 0:
-        raise ValueError(f"max_iterations is {max_iterations}, but must not be negative")
-    return {
-        "time_limit": time_limit,
-        "max_iterations": max_iterations,
-        "tolerance": tolerance,
-        "polish": polish,
-        "threads": threads,
-        "observe": _observer(progress),
-    }
-
-
-def _limit(certify: bool | float) -> float | None:
-    if certify is False:
-        return None
-    seconds = 60.0 if certify is True else float(certify)
-    if not 0 < seconds < 1e9:
-        raise ValueError(f"certify is {certify}, but must be True, False or a number of seconds between 0 and 1e9")
-    return seconds
-
-
-def _map(found: dict[str, Any]) -> Map:
-    return Map(
-        points=_floats(found["points"], -1, 3),
-        cells=_indices(found["cells"], -1, 4),
-        image=_floats(found["image"], -1, 3),
-        K=_floats(found["K"]),
-        K_inner=_floats(found["K_inner"]),
-        K_outer=_floats(found["K_outer"]),
-        max_K=found["max_K"],
-        mean_K=found["mean_K"],
-        bounds=json.loads(found["bounds"]),
-        best_bound=found["best_bound"],
-        bijective=found["bijective"],
-        stop=json.loads(found["stop"]),
-        trace=json.loads(found["trace"]),
-    )
+def _centre(centre: ArrayLike | None) -> list[float] | None:
+    return None if centre is None else [float(x) for x in points_of("centre", np.reshape(np.asarray(centre), (1, -1)))[0]]
 
 
 def ball_map(
     points: ArrayLike,
     cells: ArrayLike,
     *,
+    boundary: str = "auto",
+    values: str = "fixed",
+    cells_wanted: int = 10_000,
     centre: ArrayLike | None = None,
     exponent: float = 1.0,
     certify: bool | float = False,
@@ -224,16 +84,16 @@ def ball_map(
     threads: int = 0,
     progress: Progress = False,
 ) -> Map:
-    """Map a solid, given by its tets, onto the unit ball with the largest K as small as the method can make it.
-
-    Boundary vertices go to the sphere, along the rays from the star centre if there is one, and stay there; all others move. Ctrl-C ends the
-    optimization, and the best map so far is returned with stop == "cancelled". The result is the same to the bit for any number
-    of threads, unless a time limit or a signal ended it.
+    """Map a solid onto the unit ball with the largest K as small as the method can make it.
 
     Parameters
     ----------
-    points : (n, 3) numbers, in any one unit of length
-    cells : (m, 4) integers, tets in either orientation; tets with all vertices on the boundary are split
+    points : (n, 3) numbers
+    cells : (m, 4) integers, tets in either orientation, whose union is a ball; tets with all vertices on the boundary are split.
+        Or (m, 3) integers, the triangles of a closed surface, which is filled with about `cells_wanted` tets if it is star-shaped
+    boundary : where the boundary goes: "radial", along the rays from the centre; "spherical", by `sphere_map`; "auto", along rays
+        where the solid is star-shaped
+    values : "fixed", the boundary stays there; "sliding", its vertices move on the sphere with the others
     centre : the point that goes to the middle of the ball; by default the centre of the largest ball of star centres
     exponent : a point at the fraction t of its ray starts at the radius t ** exponent
     certify : search for a Gram certificate, the best bound there is, for 60 seconds, or for so many
@@ -241,19 +101,43 @@ def ball_map(
     max_iterations : most iterations over all phases
     tolerance : in ln K
     polish : at the end lower the mean of K while the largest may rise by 0.02 %
-    threads : 0 for all cores
-    progress : True prints a line an iteration; a function is called with a dictionary for each
+    threads : 0 for all cores; the result is the same to the bit for any number
+    progress : True shows a bar with tqdm, or prints a line an iteration; a function is called with a dictionary for each
+
+    Returns
+    -------
+    Map
+        however the optimization ended, which its `stop` tells
 
     Raises
     ------
     ValueError
-        what is wrong with the arrays, naming the row; a mesh that is no ball
+        what is wrong with the arrays, naming the row; a mesh that is no ball; a surface that is not star-shaped
     """
-    positions = _points("points", points)
-    tets = _cells("cells", cells, 4, len(positions))
-    at = None if centre is None else _points("centre", np.reshape(centre, (1, -1)))[0].tolist()
-    options = _options(time_limit, max_iterations, tolerance, polish, threads, progress)
-    return _map(_qcball.ball_map(_bytes(positions), _bytes(tets), at, exponent, _limit(certify), options))
+    positions = points_of("points", points)
+    given = np.asarray(cells)
+    corners = 3 if given.ndim == 2 and given.shape[1] == 3 else 4
+    indices = cells_of("cells", given, corners, len(positions))
+    one_of("boundary", boundary, "auto", "radial", "spherical")
+    if not 1 <= cells_wanted <= 18_000_000:
+        raise ValueError(f"cells_wanted is {cells_wanted}, but must be from 1 to 18,000,000")
+    ball = {
+        "centre": _centre(centre),
+        "exponent": exponent,
+        "boundary": boundary,
+        "cells_wanted": cells_wanted,
+        "certify": limit_of(certify),
+    }
+    options = options_of(
+        time_limit=time_limit,
+        max_iterations=max_iterations,
+        tolerance=tolerance,
+        polish=polish,
+        threads=threads,
+        progress=progress,
+        values=values,
+    )
+    return _found(_qcball.ball_map(bytes_of(positions), bytes_of(indices), corners, ball, options))
 
 
 def optimize(
@@ -262,6 +146,7 @@ def optimize(
     image: ArrayLike,
     *,
     fixed: ArrayLike | None = None,
+    values: str = "fixed",
     time_limit: float | None = None,
     max_iterations: int = 1000,
     tolerance: float = 1e-6,
@@ -274,17 +159,25 @@ def optimize(
     `fixed` is a mask, (n,), of the vertices that stay; by default those of the boundary stay, and tets that they lock are split.
     The other parameters and the errors are those of `ball_map`.
     """
-    positions = _points("points", points)
-    tets = _cells("cells", cells, 4, len(positions))
-    start = _points("image", image)
+    positions = points_of("points", points)
+    tets = cells_of("cells", cells, 4, len(positions))
+    start = points_of("image", image)
     mask = None
     if fixed is not None:
         held = np.asarray(fixed)
         if held.dtype != np.bool_ or held.shape != (len(positions),):
             raise ValueError(f"fixed must be a mask of {len(positions)} booleans, but is {held.dtype} of shape {held.shape}")
-        mask = held.tolist()
-    options = _options(time_limit, max_iterations, tolerance, polish, threads, progress)
-    return _map(_qcball.optimize(_bytes(positions), _bytes(tets), _bytes(start), mask, options))
+        mask = [bool(one) for one in held]
+    options = options_of(
+        time_limit=time_limit,
+        max_iterations=max_iterations,
+        tolerance=tolerance,
+        polish=polish,
+        threads=threads,
+        progress=progress,
+        values=values,
+    )
+    return _found(_qcball.optimize(bytes_of(positions), bytes_of(tets), bytes_of(start), mask, options))
 
 
 def measure(points: ArrayLike, cells: ArrayLike, image: ArrayLike) -> Measured:
@@ -300,14 +193,14 @@ def measure(points: ArrayLike, cells: ArrayLike, image: ArrayLike) -> Measured:
     ValueError
         what is wrong with the arrays, naming the row; a tet of no volume. Flipped tets of the image are none: their K is inf.
     """
-    positions = _points("points", points)
-    tets = _cells("cells", cells, 4, len(positions))
-    found = _qcball.measure(_bytes(positions), _bytes(tets), _bytes(_points("image", image, finite=False)))
+    positions = points_of("points", points)
+    tets = cells_of("cells", cells, 4, len(positions))
+    found = _qcball.measure(bytes_of(positions), bytes_of(tets), bytes_of(points_of("image", image, finite=False)))
     return Measured(
-        K=_floats(found["K"]),
-        K_inner=_floats(found["K_inner"]),
-        K_outer=_floats(found["K_outer"]),
-        flipped=_indices(found["flipped"]),
+        K=floats_of(found["K"]),
+        K_inner=floats_of(found["K_inner"]),
+        K_outer=floats_of(found["K_outer"]),
+        flipped=indices_of(found["flipped"]),
         max_K=found["max_K"],
         mean_K=found["mean_K"],
     )
@@ -319,11 +212,46 @@ def bounds(points: ArrayLike, cells: ArrayLike, image: ArrayLike, *, certify: bo
     The inside of `image` matters only to the search for a Gram certificate (`certify`: True for 60 seconds, or so many), which
     starts from it. The other parameters and the errors are those of `measure`.
     """
-    positions = _points("points", points)
-    tets = _cells("cells", cells, 4, len(positions))
-    start = _points("image", image, finite=False)
-    found, best = _qcball.bounds(_bytes(positions), _bytes(tets), _bytes(start), _limit(certify))
+    positions = points_of("points", points)
+    tets = cells_of("cells", cells, 4, len(positions))
+    start = points_of("image", image, finite=False)
+    found, best = _qcball.bounds(bytes_of(positions), bytes_of(tets), bytes_of(start), limit_of(certify))
     return Bounds(json.loads(found), best)
+
+
+def radial_map(
+    points: ArrayLike, cells: ArrayLike, *, centre: ArrayLike | None = None, exponent: float = 1.0
+) -> Floats:
+    """The radial map of a star-shaped solid onto the unit ball, Caraman's: the image of each vertex, (n, 3).
+
+    A point at the fraction t of its ray from the centre goes to the radius t ** exponent. `centre` is by default that of the
+    largest ball of star centres.
+
+    Raises
+    ------
+    ValueError
+        what is wrong with the arrays, naming the row; a mesh that is no ball, or not star-shaped about the centre
+    """
+    positions = points_of("points", points)
+    tets = cells_of("cells", cells, 4, len(positions))
+    return floats_of(_qcball.radial_map(bytes_of(positions), bytes_of(tets), _centre(centre), exponent), -1, 3)
+
+
+def sphere_map(
+    points: ArrayLike, triangles: ArrayLike, *, area_weight: float = 0.0, shrinkage_weight: float = 1e-8
+) -> Floats:
+    """Map a closed surface without handles onto the unit sphere, one to one: the image of each vertex, (n, 3).
+
+    `area_weight` >= 0 trades angles for areas; `shrinkage_weight` >= 0 keeps limbs from shrinking to nothing.
+
+    Raises
+    ------
+    ValueError
+        what is wrong with the arrays or the surface: open edges, handles, points that no triangle names
+    """
+    positions = points_of("points", points)
+    given = cells_of("triangles", triangles, 3, len(positions))
+    return floats_of(_qcball.sphere_map(bytes_of(positions), bytes_of(given), area_weight, shrinkage_weight), -1, 3)
 
 
 def star_kernel(points: ArrayLike, triangles: ArrayLike) -> tuple[Floats, float]:
@@ -334,12 +262,95 @@ def star_kernel(points: ArrayLike, triangles: ArrayLike) -> tuple[Floats, float]
     ValueError
         what is wrong with the arrays or the surface; a solid that is not star-shaped, with triangles that prove it
     """
-    positions = _points("points", points)
-    centre, radius = _qcball.star_kernel(_bytes(positions), _bytes(_cells("triangles", triangles, 3, len(positions))))
+    positions = points_of("points", points)
+    centre, radius = _qcball.star_kernel(bytes_of(positions), bytes_of(cells_of("triangles", triangles, 3, len(positions))))
     return np.array(centre), radius
 
 
 def read(path: str | os.PathLike[str]) -> tuple[Floats, Indices]:
-    """Points and tets of a mesh file: Medit (.mesh), VTU, legacy VTK, Gmsh (.msh), TetGen (.ele, .node)."""
-    points, cells = _qcball.read(os.fspath(path))
-    return _floats(points, -1, 3), _indices(cells, -1, 4)
+    """Points and cells of a file: (m, 4) tets of Medit, VTU, VTK, Gmsh and TetGen files, or (m, 3) triangles of OBJ, OFF, PLY, STL,
+    VTP and other files that hold a closed surface.
+
+    Raises
+    ------
+    ValueError
+        what is wrong with the file, with its line or element where the format has such
+    """
+    points, cells, corners = _qcball.read(os.fspath(path))
+    return floats_of(points, -1, 3), indices_of(cells, -1, corners)
+
+
+def run(
+    config: str | os.PathLike[str],
+    overrides: Overrides | None = None,
+    *,
+    out: str | os.PathLike[str] | None = None,
+    threads: int | None = None,
+    progress: Progress = False,
+) -> Map:
+    """Map a solid as a config file says, with some keys overridden, as in {"mesh.layers": 4}: what `qcball run` does.
+
+    The files of the results are written into the folder `out`, if there is one. `threads` overrides the config's; 0 for all cores.
+    A config that names a program as its mesher has that run: know where a config comes from.
+
+    Raises
+    ------
+    ValueError
+        what is wrong with the config or its files
+    OSError
+        a folder that cannot be written
+    KeyboardInterrupt
+        Ctrl-C before there was a map; later it returns the best one
+    """
+    folder = None if out is None else os.fspath(out)
+    count = None if threads is None else threads_of(threads)
+    found = _qcball.run(os.fspath(config), assignments_of(overrides), folder, count, observer_of(progress))
+    return map_of(found | of_report(json.loads(found["report"])) | {"trace": json.loads(found["trace"])})
+
+
+def sweep(
+    config: str | os.PathLike[str],
+    overrides: Overrides | None = None,
+    *,
+    out: str | os.PathLike[str] | None = None,
+    jobs: int | None = None,
+    threads: int | None = None,
+    progress: bool = False,
+) -> Sweep:
+    """Run every case of a config's table [sweep], `jobs` at a time, and go on where an earlier call was stopped.
+
+    The cases go to the folder `out`, by default results/NAME as those of `qcball sweep`. Errors are those of `run`; a case that
+    fails has its error in its row.
+    """
+    for name, count in (("jobs", jobs), ("threads", threads)):
+        if count is not None and not 1 <= count <= 1024:
+            raise ValueError(f"{name} is {count}, but must be from 1 to 1024, or None")
+    folder = None if out is None else os.fspath(out)
+
+    def show(number: int, of: int, settings: str, how: str) -> None:
+        print(f"{number}/{of}  {settings}  {how}", flush=True)
+
+    made = _qcball.sweep(os.fspath(config), assignments_of(overrides), folder, (jobs, threads), show if progress else None)
+    rows = [json.loads(line) for line in made[1].splitlines()]
+    return Sweep(pathlib.Path(made[0]), rows, made[2])
+
+
+def load(folder: str | os.PathLike[str]) -> Map:
+    """The map of a folder that `Map.save`, `run` or the command `qcball run` wrote, to the bit.
+
+    Raises
+    ------
+    ValueError
+        files that are missing, broken or not of one map
+    """
+    place = pathlib.Path(folder)
+    found = _qcball.load(os.fspath(place))
+    try:
+        if (place / "map.json").is_file():
+            return map_of(found | json.loads((place / "map.json").read_text(encoding="utf-8")))
+        figures = of_report(json.loads((place / "report.json").read_text(encoding="utf-8")))
+        trace = np.genfromtxt(place / "trace.csv", delimiter=",", names=True, dtype=None, encoding="utf-8", ndmin=1)
+    except (OSError, KeyError, TypeError, AttributeError, json.JSONDecodeError) as error:
+        raise ValueError(f"{place} has no map.json, nor report.json and trace.csv, that belong to a map: {error!r}") from None
+    rows = [dict(zip(trace.dtype.names or (), row.tolist(), strict=True)) for row in trace]
+    return map_of(found | figures | {"trace": rows})

@@ -8,6 +8,8 @@ mod surfaces;
 mod svg;
 mod sweep;
 
+pub use run::{ShownMap, page_of_map};
+
 use std::path::{Path, PathBuf};
 
 use super::{MapRecord, Report};

@@ -1,5 +1,6 @@
 //! One page: the frame, styles and scripts around the parts that a run or a sweep shows.
 
+use std::io;
 use std::path::Path;
 
 use quick_xml::escape::escape;
@@ -59,30 +60,38 @@ fn data(id: &str, json: &str) -> String {
 
 impl Page {
     pub(super) fn write(&self, path: &Path) -> Result<(), WriteError> {
-        write_atomically(path, |file| {
-            writeln!(
-                file,
-                "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
+        write_atomically(path, |file| self.put(file))
+    }
+
+    pub(super) fn to_html(&self) -> String {
+        let mut html = Vec::new();
+        self.put(&mut html).expect("memory takes all that is written");
+        String::from_utf8(html).expect("a page is made of strings")
+    }
+
+    fn put(&self, file: &mut dyn io::Write) -> io::Result<()> {
+        writeln!(
+            file,
+            "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
                  <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
                  <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; \
                  script-src 'unsafe-inline' 'unsafe-eval'; img-src data: blob:\">\n<title>{title}</title>\n\
                  <link rel=\"icon\" href=\"data:,\">\n<style>\n{STYLE}</style>\n</head>\n<body>\n\
                  <header><h1>{title}</h1><button type=\"button\" id=\"theme\">Dark or light</button></header>\n<main>",
-                title = text(&self.title)
-            )?;
-            for (heading, content) in &self.sections {
-                writeln!(file, "<section>\n<h2>{}</h2>\n{content}</section>", text(heading))?;
-            }
-            let charts: Vec<String> = self.charts.iter().map(Chart::for_plotly).collect();
-            let names: Vec<String> = self.charts.iter().map(|chart| serde_json::json!(chart.id).to_string()).collect();
-            let charts: Vec<String> = names.iter().zip(charts).map(|(name, chart)| format!("{name}:{chart}")).collect();
-            writeln!(file, "</main>\n{}", data("charts", &format!("{{{}}}", charts.join(","))))?;
-            if let Some(viewer) = &self.viewer {
-                writeln!(file, "{}", data("viewer-data", viewer))?;
-            }
-            writeln!(file, "{READ_BACK}\n<script>{PLOTLY}</script>")?;
-            writeln!(file, "<script type=\"module\">\n{CHARTS}\n{TABLE}\n{VIEWER}\n</script>\n</body>\n</html>")
-        })
+            title = text(&self.title)
+        )?;
+        for (heading, content) in &self.sections {
+            writeln!(file, "<section>\n<h2>{}</h2>\n{content}</section>", text(heading))?;
+        }
+        let charts: Vec<String> = self.charts.iter().map(Chart::for_plotly).collect();
+        let names: Vec<String> = self.charts.iter().map(|chart| serde_json::json!(chart.id).to_string()).collect();
+        let charts: Vec<String> = names.iter().zip(charts).map(|(name, chart)| format!("{name}:{chart}")).collect();
+        writeln!(file, "</main>\n{}", data("charts", &format!("{{{}}}", charts.join(","))))?;
+        if let Some(viewer) = &self.viewer {
+            writeln!(file, "{}", data("viewer-data", viewer))?;
+        }
+        writeln!(file, "{READ_BACK}\n<script>{PLOTLY}</script>")?;
+        writeln!(file, "<script type=\"module\">\n{CHARTS}\n{TABLE}\n{VIEWER}\n</script>\n</body>\n</html>")
     }
 
     /// The charts as `plots/ID.svg` in a folder.

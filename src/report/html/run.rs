@@ -12,7 +12,7 @@ use super::{PageError, read_text};
 use crate::bound::LowerBound;
 use crate::dilatation::{lower_bound, number, upper_bound};
 use crate::mesh::io::read_tets;
-use crate::mesh::{Boundary, Place, TetMesh, Unit, Vec3};
+use crate::mesh::{Boundary, Place, TetMesh, TopologyError, Unit, Vec3};
 use crate::optimize::TraceRow;
 use crate::report::summary::{decimals, percent, point};
 use crate::report::{CellRow, MapFigures, Report, summary};
@@ -21,6 +21,9 @@ use crate::report::{CellRow, MapFigures, Report, summary};
 const BINS: usize = 48;
 /// Points of a cumulative curve.
 const CURVE_POINTS: usize = 300;
+
+/// Relative distance below the largest K within which a tet counts as active.
+const ACTIVE: f64 = 1e-3;
 
 /// What a page shows.
 pub(super) struct Shown<'a> {
@@ -68,10 +71,67 @@ pub(super) fn of_folder(folder: &Path) -> Result<Page, PageError> {
     }))
 }
 
+/// A map that no config made, with what is known of it.
+#[derive(Clone, Copy, Debug)]
+pub struct ShownMap<'a> {
+    /// What stands above all.
+    pub title: &'a str,
+    /// The figures, a sentence.
+    pub words: &'a str,
+    /// The domain.
+    pub mesh: &'a TetMesh,
+    /// The image of each vertex.
+    pub image: &'a [Vec3],
+    /// K_I of each tet.
+    pub inner: &'a [f64],
+    /// K_O of each tet.
+    pub outer: &'a [f64],
+    /// The largest proved bound that applies.
+    pub best_bound: Option<f64>,
+    /// One row an iteration.
+    pub trace: &'a [TraceRow],
+}
+
+/// The page of such a map, an HTML document that needs no network.
+///
+/// # Errors
+/// A mesh whose boundary is no surface.
+pub fn page_of_map(shown: &ShownMap) -> Result<String, TopologyError> {
+    let boundary = Boundary::of(shown.mesh)?;
+    let k: Vec<f64> = shown.inner.iter().zip(shown.outer).map(|(inner, outer)| inner.max(*outer)).collect();
+    let most = k.iter().copied().filter(|k| k.is_finite()).fold(1.0, f64::max);
+    let values = CellValues {
+        inner: shown.inner.to_vec(),
+        outer: shown.outer.to_vec(),
+        start: k.clone(),
+        active: k.iter().map(|&k| k >= most * (1.0 - ACTIVE)).collect(),
+    };
+    let surfaces = surfaces(shown.mesh, &boundary, shown.image, &values);
+    // What was started from is not known.
+    let viewer = surfaces
+        .map(|surfaces| json!({ "surfaces": surfaces, "marker": null, "most": most, "hasStart": false }).to_string());
+    let view = match viewer {
+        Some(_) => include_str!("viewer.html").to_string(),
+        None => paragraph("The boundary is too large for a page."),
+    };
+    let mut sections = vec![("In short".to_string(), paragraph(shown.words)), ("Domain and image".into(), view)];
+    let mut charts = Vec::new();
+    if !shown.trace.is_empty() {
+        charts.push(convergence(shown.trace, shown.best_bound));
+        sections.push(("Convergence".into(), chart(&charts[0])));
+    }
+    Ok(Page { title: shown.title.into(), sections, charts, viewer }.to_html())
+}
+
 /// The page of a run.
 pub(super) fn page(shown: &Shown) -> Page {
     let report = shown.report;
-    let charts = [histogram(shown.cells), cumulative(shown.cells), convergence(shown.trace, report), ladder(report)];
+    let charts = [
+        histogram(shown.cells),
+        cumulative(shown.cells),
+        convergence(shown.trace, report.achieved.best.best_bound),
+        ladder(report),
+    ];
     let viewer = viewer(shown);
     let sections = vec![
         ("In short".into(), in_short(report)),
@@ -273,7 +333,7 @@ fn cumulative(cells: &[CellRow]) -> Chart {
     }
 }
 
-fn convergence(trace: &[TraceRow], report: &Report) -> Chart {
+fn convergence(trace: &[TraceRow], best_bound: Option<f64>) -> Chart {
     let series = |name: &str, colour: usize, value: fn(&TraceRow) -> f64| {
         let points = trace.iter().enumerate().map(|(index, row)| [index as f64, value(row)]).collect();
         let hover = trace
@@ -288,7 +348,7 @@ fn convergence(trace: &[TraceRow], report: &Report) -> Chart {
         hover: starts().map(|(_, row)| format!("phase {} begins", row.phase)).collect(),
         ..Series::new("phases", 5, Style::Points, starts().map(|(at, row)| [at as f64, row.max_k]).collect())
     });
-    if let Some(bound) = report.achieved.best.best_bound {
+    if let Some(bound) = best_bound {
         let points = vec![[0.0, bound], [trace.len().saturating_sub(1) as f64, bound]];
         let hover =
             vec![format!("no map of this mesh with this boundary has a largest K below {}", lower_bound(bound)); 2];

@@ -61,8 +61,9 @@ function join(one, other) {
 }
 
 async function startViewer() {
-  const { surfaces, marker, most } = JSON.parse(embedded.textContent);
+  const { surfaces, marker, most, hasStart = true } = JSON.parse(embedded.textContent);
   const byId = (id) => document.getElementById(id);
+  if (!hasStart) byId("colour").querySelector("[value=start]").remove();
   const box = byId("viewer");
   const [tet, inner, outer, start, active] = await Promise.all([
     unpack(surfaces.cells.tet, Uint32Array), unpack(surfaces.cells.inner, Float32Array),
@@ -137,7 +138,7 @@ async function startViewer() {
     const numbers = (values) => values.map((value) => value.toFixed(3)).join(", ");
     return [
       `tet ${tet[cell]}${active[cell] ? ", active" : ""}`,
-      `K ${k[cell].toFixed(4)}, K_I ${inner[cell].toFixed(4)}, K_O ${outer[cell].toFixed(4)}, at the start ${start[cell].toFixed(4)}`,
+      `K ${k[cell].toFixed(4)}, K_I ${inner[cell].toFixed(4)}, K_O ${outer[cell].toFixed(4)}${hasStart ? `, at the start ${start[cell].toFixed(4)}` : ""}`,
       `domain (${numbers(centre(surface, 0, triangle))}), image (${numbers(centre(surface, 1, triangle))})`,
     ];
   }
