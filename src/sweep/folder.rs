@@ -133,7 +133,7 @@ impl SweepFolder {
     /// # Errors
     /// A lock file that cannot be made.
     pub(super) fn take(&self, id: &str) -> Result<Option<Taken>, WriteError> {
-        let path = self.cases().join(format!(".{id}.lock"));
+        let path = self.lock(id);
         // A link would lock, and make, a file elsewhere.
         if fs::symlink_metadata(&path).is_ok_and(|data| !data.is_file()) {
             let source = io::Error::new(io::ErrorKind::AlreadyExists, "a link or folder stands where the lock goes");
@@ -151,6 +151,18 @@ impl SweepFolder {
             self.clear_parts(id);
         }
         Ok(Some(Taken { lock }))
+    }
+
+    /// Removes the lock that a process left which was killed after the last file of a case; one that is held stays.
+    pub(super) fn clear_lock(&self, id: &str) {
+        if self.lock(id).is_file() {
+            // What cannot be removed does no harm.
+            drop(self.take(id));
+        }
+    }
+
+    fn lock(&self, id: &str) -> PathBuf {
+        self.cases().join(format!(".{id}.lock"))
     }
 
     /// Removes the unfinished folders of a case, which only a process that was killed leaves behind.

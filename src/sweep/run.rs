@@ -68,7 +68,9 @@ pub fn run(
     compute: &Compute<'_>,
     observe: &(dyn Fn(&Case, Event<'_>) + Sync),
 ) -> Result<(), WriteError> {
-    let waiting: Vec<&Case> = cases.iter().copied().filter(|case| folder.state(&case.id) != State::Done).collect();
+    let (done, waiting): (Vec<&Case>, Vec<&Case>) =
+        cases.iter().copied().partition(|case| folder.state(&case.id) == State::Done);
+    done.iter().for_each(|case| folder.clear_lock(&case.id));
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let jobs = settings.jobs.unwrap_or(cores / settings.threads.unwrap_or(1).min(cores)).clamp(1, waiting.len().max(1));
     let work = Work {
