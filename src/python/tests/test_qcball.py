@@ -152,16 +152,19 @@ def test_progress_is_seen_and_its_errors_come_back():
 
 def test_an_interrupt_returns_the_best_map():
     points, cells = qcball.read(REFERENCE / "grid-rest.mesh")
-    interrupted = threading.Event()
+    # The caller looks for signals every 50 ms; a machine that is too busy for that within seconds is asked again.
+    for seconds in (3, 6, 12):
+        interrupted = threading.Event()
 
-    def interrupt(_row):
-        if not interrupted.is_set():
-            interrupted.set()
-            signal.raise_signal(signal.SIGINT)
-            # The caller looks for signals every 50 ms, on a busy machine later.
-            threading.Event().wait(3)
+        def interrupt(_row):
+            if not interrupted.is_set():
+                interrupted.set()
+                signal.raise_signal(signal.SIGINT)
+                threading.Event().wait(seconds)
 
-    m = qcball.ball_map(points, cells, progress=interrupt)
+        m = qcball.ball_map(points, cells, progress=interrupt)
+        if m.stop == "cancelled":
+            break
     assert m.stop == "cancelled" and np.isfinite(m.max_K)
 
 
