@@ -3,6 +3,7 @@
 //! Points are `[f64; 3]` in any one unit of length, tets four indices into them, counted from 0, in either orientation. What is
 //! wrong with an array is an [`ArrayError`] that names its row; nothing here panics on an input.
 
+mod error;
 mod maps;
 #[cfg(test)]
 mod tests;
@@ -10,19 +11,19 @@ mod tests;
 use std::time::Duration;
 
 use crate::bound::certificate::{self, Certificate};
-use crate::bound::{self, Contradiction, LowerBound, confront};
+use crate::bound::{self, LowerBound, confront};
 use crate::cancel::Cancel;
 use crate::domain::Domain;
-use crate::map::{EvaluatorError, RadialCoordinates, RayEnd, RayError, bijectivity, caraman, spherical_starts};
+use crate::map::{RadialCoordinates, RayEnd, bijectivity, caraman, spherical_starts};
 use crate::measure::{Summary, measure as measure_domain, measure_onto_ball};
-use crate::mesh::{MeshError, TetMesh, TopologyError, Unit, Vec3, VertexId, full_boundary};
-use crate::optimize::{BoundaryValues, OptimizeError, OptimizeSettings, StopReason, Tangled, TraceRow};
+use crate::mesh::{MeshError, TetMesh, Unit, Vec3, VertexId, full_boundary};
+use crate::optimize::{BoundaryValues, OptimizeSettings, StopReason, Tangled, TraceRow};
 use crate::solid::{
-    CentreChoice, CentreError, KernelError, Refinement, ShellError, ShellSettings, Surface, SurfaceError, shell_mesh,
-    star_centre,
+    CentreChoice, CentreError, KernelError, Refinement, ShellSettings, Surface, shell_mesh, star_centre,
 };
-use crate::sphere::SphereError;
 
+pub use error::ArrayError;
+use maps::rows;
 pub use maps::{evaluate, inverse, radial_map, sphere_map};
 
 /// Where the boundary goes.
@@ -104,87 +105,6 @@ pub struct MeasuredTets {
     pub flipped: Vec<u32>,
     /// Maxima, means and quantiles over the tets.
     pub summary: Summary,
-}
-
-/// What is wrong with the arrays.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum ArrayError {
-    /// An array of another length than it must have.
-    #[error("{array} has {found} rows, but there are {wanted} vertices; give one row a vertex, in the same order")]
-    Length {
-        /// Which array.
-        array: &'static str,
-        /// Its rows.
-        found: usize,
-        /// How many it must have.
-        wanted: usize,
-    },
-    /// A boundary vertex whose image is not finite.
-    #[error("row {row} of {array} holds a number that is not finite")]
-    NotFinite {
-        /// Which array.
-        array: &'static str,
-        /// The row.
-        row: usize,
-    },
-    /// A setting out of its range.
-    #[error("the exponent is {0}, but it must be a positive number")]
-    Exponent(f64),
-    /// A triangle with a vertex that there is not.
-    #[error("row {row} of triangles is {triangle:?}, but there are {vertices} vertices, counted from 0")]
-    NoSuchVertex {
-        /// The row.
-        row: usize,
-        /// Its vertices.
-        triangle: [u32; 3],
-        /// How many there are.
-        vertices: usize,
-    },
-    /// Points that are no vertices of the surface, so that nothing takes them anywhere.
-    #[error(
-        "{found} of the {points} points are vertices of the closed surface; drop points that no triangle names, and let points at \
-         one place be one"
-    )]
-    NotVertices {
-        /// How many points there are.
-        points: usize,
-        /// How many vertices.
-        found: usize,
-    },
-    /// The surface cannot be filled with shells of tets.
-    #[error(transparent)]
-    Shell(#[from] ShellError),
-    /// A map that cannot be evaluated.
-    #[error(transparent)]
-    Evaluator(#[from] EvaluatorError),
-    /// The tets are no mesh.
-    #[error("{0} (tets and vertices are counted from 0)")]
-    Mesh(#[from] MeshError),
-    /// The mesh is not a ball.
-    #[error("{0} (vertices are counted from 0)")]
-    Topology(#[from] TopologyError),
-    /// The triangles are no surface of a solid.
-    #[error("the surface: {0}")]
-    Triangles(#[source] SurfaceError),
-    /// The boundary of the mesh is no surface of a solid.
-    #[error("the boundary of the mesh: {0}")]
-    Surface(#[from] SurfaceError),
-    /// The solid is not star-shaped, or not about the centre asked for.
-    #[error(transparent)]
-    Centre(#[from] CentreError),
-    /// The boundary has no map onto the sphere.
-    #[error(transparent)]
-    Sphere(#[from] SphereError),
-    /// A vertex lies outside of the boundary.
-    #[error(transparent)]
-    Ray(#[from] RayError),
-    /// The optimization could not start.
-    #[error(transparent)]
-    Optimize(#[from] OptimizeError),
-    /// A bound is above what the map achieves: an error of this program.
-    #[error(transparent)]
-    Contradiction(#[from] Box<Contradiction>),
 }
 
 /// Maps a solid, given by its tets, onto the unit ball with the largest dilatation as small as the method can make it. The
@@ -456,7 +376,6 @@ impl Improved {
     fn arrays(self) -> Result<MappedMesh, ArrayError> {
         let measured = measure_onto_ball(&self.domain, &self.image);
         confront(&self.bounds, &self.domain, &self.image, &measured.summary, ARRAYS)?;
-        let rows = |points: &[Vec3]| points.iter().map(|&p| p.into()).collect();
         Ok(MappedMesh {
             points: rows(&self.units[0].give_back_points(self.domain.mesh().points())),
             tets: self.domain.mesh().tets().iter().map(|tet| tet.map(|v| v.0)).collect(),

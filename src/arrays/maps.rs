@@ -119,7 +119,7 @@ pub(super) fn surface(points: &[[f64; 3]], triangles: &[[u32; 3]]) -> Result<(Su
     Ok((surface, unit))
 }
 
-fn rows(points: &[Vec3]) -> Vec<[f64; 3]> {
+pub(super) fn rows(points: &[Vec3]) -> Vec<[f64; 3]> {
     points.iter().map(|&point| point.into()).collect()
 }
 
