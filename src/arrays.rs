@@ -167,21 +167,28 @@ pub fn ball_map_observed(
 }
 
 /// The same of a solid given by the triangles of its surface: it is filled with shells of tets about the star centre, which it
-/// must have, whose surface triangles are refined until there are about `cells` tets.
+/// must have. The surface is refined until there are about `cells` tets, or without a number until it is nearly a ball
+/// ([`Refinement::USUAL`]): on a coarse one K onto the ball is large, whatever K.
 ///
 /// # Errors
 /// As [`ball_map`]; triangles that are no closed surface, or a solid that is not star-shaped, which needs tets of its own.
 pub fn ball_map_of_surface(
     points: &[[f64; 3]],
     triangles: &[[u32; 3]],
-    cells: usize,
+    cells: Option<usize>,
     settings: &BallMapSettings,
     observe: &mut dyn FnMut(&TraceRow),
 ) -> Result<MappedMesh, ArrayError> {
     check_exponent(settings.exponent)?;
     let (surface, unit) = maps::surface(points, triangles)?;
-    let centre = star_centre(&surface, &in_unit(&settings.centre, unit))?.position;
-    let shells = ShellSettings { subdivisions: 1, refinement: Some(Refinement::Cells(cells)), layers: 8, grading: 1.0 };
+    let centre = match star_centre(&surface, &in_unit(&settings.centre, unit)) {
+        Err(CentreError::Kernel(KernelError::NotStarShaped { faces, .. })) => {
+            return Err(ArrayError::NotStarShaped { faces });
+        }
+        centre => centre?.position,
+    };
+    let refinement = Some(cells.map_or(Refinement::USUAL, Refinement::Cells));
+    let shells = ShellSettings { subdivisions: 1, refinement, layers: 8, grading: 1.0 };
     let shell = shell_mesh(&surface, centre, &shells)?;
     let radial = (settings.boundary != BoundaryMap::Spherical)
         .then(|| (centre, caraman(&RadialCoordinates::of_shell(&shell), settings.exponent)));

@@ -285,6 +285,9 @@ fn preview(plan: &Plan, folder: &Path) -> Result<String, Failure> {
     text += &format!("mesh        {vertices} vertices ({boundary} on the boundary), {tets} tets\n");
     text +=
         &format!("start       {}: max K {:.4}, mean {:.4}, {} flipped\n", start.map.map, k.max_k, k.mean_k, k.flipped);
+    if let Some(ball) = k.ball_k {
+        text += &format!("onto ball   K onto the ball of the start <= {:.4}\n", ball.certified);
+    }
     text += &format!("memory      about {:.1} GiB\n", memory_of(tets) as f64 / f64::from(1 << 30));
     Ok(text + &format!("results     would go to {}; nothing was written\n", shown_path(folder)))
 }

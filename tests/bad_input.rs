@@ -178,7 +178,7 @@ fn command_lines() -> Vec<Case> {
         case("run b.dat", &[("b.dat", "\u{0}")], &["b.dat", "a config is a TOML file", "file = \"b.dat\""]),
         // By its name a solid, which then has to be one.
         case("run b.stl", &[("b.stl", "garbage\n")], &["b.stl", "neither \"solid\" at the start nor the 84 bytes"]),
-        case("run b.obj", &[], &["the file b.obj does not exist"]),
+        case("run b.obj", &[], &["cannot read b.obj: No such file"]),
         case("", &[], &["Usage"]),
         case("rum a.toml", &[], &["run"]),
         case("run", &[], &["CONFIG"]),

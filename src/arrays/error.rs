@@ -53,6 +53,15 @@ pub enum ArrayError {
         /// How many vertices.
         found: usize,
     },
+    /// A surface whose solid is not star-shaped, which shells cannot fill.
+    #[error(
+        "the solid is not star-shaped: no point inside it sees all of the triangles {faces:?} from within; give tets that fill it, \
+         or its file to a run, for which TetGen or Gmsh fills it"
+    )]
+    NotStarShaped {
+        /// Triangles whose half-spaces have no point in common, counted from 0.
+        faces: Vec<u32>,
+    },
     /// The surface cannot be filled with shells of tets.
     #[error(transparent)]
     Shell(#[from] ShellError),

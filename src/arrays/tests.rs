@@ -93,7 +93,9 @@ fn a_surface_is_filled_and_its_boundary_goes_where_it_is_asked_to() {
         triangles.iter().flat_map(|p| (2..p.len()).map(|i| [p[0], p[i - 1], p[i]])).collect();
     let mut settings = BallMapSettings::default();
     settings.optimize.max_iterations = 3;
-    let of = |settings: &BallMapSettings| ball_map_of_surface(&points, &triangles, 500, settings, &mut |_| {}).unwrap();
+    let of = |settings: &BallMapSettings| {
+        ball_map_of_surface(&points, &triangles, Some(500), settings, &mut |_| {}).unwrap()
+    };
     let radial = of(&settings);
     assert!(radial.tets.len() >= 500 && radial.bijective);
     // The radial map keeps the direction of a boundary vertex, here from the centre 0.

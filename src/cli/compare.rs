@@ -26,7 +26,7 @@ pub(crate) struct TableArguments {
     /// The folder of a sweep or of a run.
     folder: PathBuf,
     /// The columns after the settings: those of index.csv, and seconds.
-    #[arg(long, value_name = "NAME,...", value_delimiter = ',', default_values = USUAL_COLUMNS)]
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',', default_value = USUAL_COLUMNS)]
     columns: Vec<String>,
     /// How the table is written.
     #[arg(long, value_enum, default_value = "text")]

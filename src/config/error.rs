@@ -11,7 +11,7 @@ use crate::mesh::io::shown_path;
 #[non_exhaustive]
 pub enum ConfigError {
     /// The operating system refused: no such file, a directory, not UTF-8.
-    #[error("cannot read the config {}: {source}", shown_path(path))]
+    #[error("cannot read {}: {source}", shown_path(path))]
     Read {
         /// The file.
         path: PathBuf,
@@ -53,7 +53,7 @@ pub(super) const EXAMPLE: &str = "[domain]\nsolid = \"cube\"      # or: file = \
 
 /// What to do where there is no config.
 pub(super) fn least_config() -> String {
-    format!("name a TOML file; the least one has is\n{EXAMPLE}")
+    format!("name a surface, a mesh or a TOML file; the least that one has is\n{EXAMPLE}")
 }
 
 /// What to do with a file that does not even claim to be a config: most likely the solid itself was named.

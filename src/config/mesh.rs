@@ -30,10 +30,6 @@ pub enum MeshPlan {
 /// Largest value of `cells`: a tenth below the most tets of a shell mesh, since the last halvings go beyond what is wished.
 const MOST_CELLS: i64 = MOST_TETS as i64 / 10 * 9;
 
-/// The largest K that the radial map of the image polyhedron onto the ball may have, if a config leaves it to the program: K
-/// onto the ball is at most so many times K.
-const BALL: f64 = 1.25;
-
 const BY_LENGTH: &[MeshKind] = &[MeshKind::Auto, MeshKind::Shell, MeshKind::Tetgen, MeshKind::Gmsh];
 const SHELL: &[MeshKind] = &[MeshKind::Auto, MeshKind::Shell];
 const FLAG: &[MeshKind] = &[MeshKind::Flag];
@@ -114,7 +110,7 @@ fn shell(table: &MeshTable) -> Result<ShellSettings, Fault> {
         (Some(length), None) => Some(Refinement::EdgeLength(positive(Some(length), 0.1, &["mesh", "edge_length"])?)),
         (None, Some(cells)) => Some(Refinement::Cells(whole(Some(cells), 10_000, 1..=MOST_CELLS, &["mesh", "cells"])?)),
         // Whoever says nothing of the surface's fineness wants a ball, which an inscribed polyhedron is not by itself.
-        (None, None) if table.subdivisions.is_none() => Some(Refinement::Ball(BALL)),
+        (None, None) if table.subdivisions.is_none() => Some(Refinement::USUAL),
         (None, None) => None,
     };
     Ok(ShellSettings {

@@ -214,7 +214,7 @@ pub(super) fn text_of(path: &Path) -> Result<String, ConfigError> {
     let name = path.file_name().and_then(|name| name.to_str());
     let text = match name {
         Some(STANDARD_INPUT) => io::read_to_string(io::stdin()),
-        Some(name) if holds_a_solid(path) => Ok(toml::Table::from_iter([(
+        Some(name) if path.is_file() && holds_a_solid(path) => Ok(toml::Table::from_iter([(
             "domain".into(),
             toml::Table::from_iter([("file".into(), name.into())]).into(),
         )])

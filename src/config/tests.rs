@@ -352,7 +352,7 @@ fn a_missing_file_and_a_folder_are_named() {
     let folder = tempfile::tempdir().unwrap();
     for path in [folder.path(), &folder.path().join("none.toml"), Path::new("")] {
         let message = Plan::read(path, &[]).unwrap_err().to_string();
-        assert!(message.starts_with(&format!("cannot read the config {}: ", path.display())), "{message}");
+        assert!(message.starts_with(&format!("cannot read {}: ", path.display())), "{message}");
     }
 }
 

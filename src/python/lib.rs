@@ -91,7 +91,7 @@ struct BallOptions {
     centre: Option<[f64; 3]>,
     exponent: f64,
     boundary: String,
-    cells_wanted: usize,
+    cells_wanted: Option<usize>,
     certify: Option<f64>,
 }
 

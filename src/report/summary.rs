@@ -6,7 +6,7 @@ use super::{
 };
 use crate::bound::{Kind, LowerBound, Scope};
 use crate::dilatation::{lower_bound, number, upper_bound};
-use crate::measure::{Bottleneck, Summary};
+use crate::measure::{BallDilatation, Bottleneck, Summary};
 use crate::mesh::Place;
 use crate::mesh::io::on_one_line;
 use crate::optimize::StopReason;
@@ -16,6 +16,9 @@ use crate::refine::RefineEnd;
 const COLUMNS: usize = 80;
 /// The share of the ball from which on an image passes for one.
 const FULL: f64 = 0.9;
+/// K onto the ball over K beyond which the image is too coarse somewhere for K to say much of a map onto the ball; surfaces that are refined
+/// by themselves end at 1.25 or little more.
+const COARSE: f64 = 3.0;
 /// What may help tets that resist untangling.
 const REFINE: &str = "refine the mesh there";
 
@@ -280,12 +283,13 @@ pub(crate) fn dilatations(maps: &[(&str, &Summary)]) -> String {
 
 /// What goes before all else where the image is far from a ball.
 fn coarse_warning(ball: &BallFigures, last: &Summary) -> String {
-    let Some((fraction, k)) = ball.ball_fraction.zip(last.ball_k).filter(|(fraction, _)| *fraction < FULL) else {
+    let is_coarse = |(fraction, k): &(f64, BallDilatation)| *fraction < FULL || k.certified > COARSE * last.max_k;
+    let Some((fraction, k)) = ball.ball_fraction.zip(last.ball_k).filter(is_coarse) else {
         return String::new();
     };
     let text = format!(
         "the image is a polyhedron that fills {} of the ball: K speaks of the map onto this polyhedron, K onto the ball is at \
-         most {}; a finer surface fills more",
+         most {}; a finer surface, as by mesh.edge_length, comes nearer",
         percent(fraction),
         upper_bound(k.certified)
     );

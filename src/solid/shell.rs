@@ -21,6 +21,11 @@ pub enum Refinement {
     Ball(f64),
 }
 
+impl Refinement {
+    /// Where the refinement is left to the program: K onto the ball is at most so many times K.
+    pub const USUAL: Self = Self::Ball(1.25);
+}
+
 /// What a shell mesh is made with.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ShellSettings {

@@ -11,7 +11,7 @@ use crate::mesh::io::{on_one_line, shown_path};
 use crate::report::Report;
 
 /// The columns of a table for which none are asked.
-pub const USUAL_COLUMNS: [&str; 6] = ["tets", "max_k", "mean_k", "best_bound", "gap", "stop"];
+pub const USUAL_COLUMNS: &str = "tets,max_k,mean_k,best_bound,gap,stop";
 /// Two largest K this near, relatively, count as the same: the tolerance of the optimizer.
 const SAME: f64 = 1e-6;
 

@@ -7,6 +7,7 @@ use super::files::Files;
 use crate::config::{Config, ConfigSource, DomainSource, InitialMap, MeshPlan, Plan};
 use crate::experiment::{RunError, Start};
 use crate::map::{CornerChoice, Corners};
+use crate::measure::Summary;
 use crate::mesh::Vec3;
 use crate::mesh::io::shown_path;
 use crate::optimize::BoundaryValues;
@@ -25,6 +26,8 @@ pub(super) struct Again {
     pub seed: u64,
     pub source: ConfigSource,
     pub start: Start,
+    /// The start before edges were halved where the largest K sat, measured; `None` where none were or it was not made again.
+    pub unrefined: Option<Summary>,
     /// Whether the start was made from the config, not taken from the files.
     pub made: bool,
 }
@@ -36,8 +39,14 @@ pub(super) fn again(files: &Files, findings: &mut Findings) -> Option<Again> {
     let source = ConfigSource::of_text(Path::new(&report.config), report.config_text.clone(), &report.overrides);
     let (source, config) = source.map_err(|error| findings.found(format!("config_text is no config: {error}"))).ok()?;
     findings.expect(report.config_hash == source.hash(), || "config_hash is not the hash of config_text".into());
-    let as_told =
-        |source| Again { name: report.name.clone(), seed: report.seed, source, start: told(files), made: false };
+    let as_told = |source| Again {
+        name: report.name.clone(),
+        seed: report.seed,
+        source,
+        start: told(files),
+        unrefined: None,
+        made: false,
+    };
     let plan = match Plan::of_source(&source, &config) {
         Ok(plan) => plan,
         Err(error) => {
@@ -80,6 +89,7 @@ pub(super) fn again(files: &Files, findings: &mut Findings) -> Option<Again> {
             format!("the mesh before the refinement had {before} tets, not {}", told.tets_before)
         });
     }
+    let unrefined = (!files.halved.is_empty()).then(|| start.measure(&start.image).summary);
     let start = match start.halved(&files.halved) {
         Ok(start) => start,
         Err(error) => {
@@ -128,7 +138,7 @@ pub(super) fn again(files: &Files, findings: &mut Findings) -> Option<Again> {
     findings.expect(start.units == files.units, || "the meshes have not the size that the config's have".into());
     corners(&plan, files, start.corners.as_ref(), findings);
     let start = Start { domain: files.domain.clone(), units: files.units, corners: files.corners.clone(), ..start };
-    Some(Again { name: plan.name.clone(), seed: plan.seed, source, start, made: true })
+    Some(Again { name: plan.name.clone(), seed: plan.seed, source, start, unrefined, made: true })
 }
 
 /// Holds the rounds of refinement against the edges that were halved in them and the map that they led to.

@@ -56,3 +56,17 @@ fn a_refined_run_is_verified_and_every_tampering_with_it_is_found() {
     assert!(code == Some(0) && text.contains("rounds of refinement"), "{text}");
     every_one_is_found(folder.path(), TAMPERINGS_OF_REFINEMENT);
 }
+
+/// The mean of the start counts other tets once edges are halved, if not all have the same K.
+#[test]
+fn a_refined_run_whose_start_has_many_values_of_k_is_verified() {
+    let folder = results(&[REFINED, &["mesh.subdivisions=2", "mesh.layers=3"]].concat());
+    let achieved = report(folder.path()).achieved;
+    assert!(achieved.initial.mean_k < 0.9 * achieved.initial.max_k && !achieved.refined.unwrap().rounds.is_empty());
+    let (code, text) = qcball(&["verify"], folder.path());
+    assert_eq!(code, Some(0), "{text}");
+    let first = |text: &str| (text.parse::<f64>().unwrap() * 1.001).to_string();
+    edit_cell(folder.path(), "trace.csv", 0, 4, first);
+    let (code, text) = qcball(&["verify"], folder.path());
+    assert!(code == Some(1) && text.contains("row 0 of trace.csv is not the start"), "{text}");
+}

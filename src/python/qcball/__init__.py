@@ -73,7 +73,7 @@ def ball_map(
     *,
     boundary: str = "auto",
     values: str = "fixed",
-    cells_wanted: int = 10_000,
+    cells_wanted: int | None = None,
     centre: ArrayLike | None = None,
     exponent: float = 1.0,
     certify: bool | float = False,
@@ -90,10 +90,11 @@ def ball_map(
     ----------
     points : (n, 3) numbers
     cells : (m, 4) integers, tets in either orientation, whose union is a ball; tets with all vertices on the boundary are split.
-        Or (m, 3) integers, the triangles of a closed surface, which is filled with about `cells_wanted` tets if it is star-shaped
+        Or (m, 3) integers, the triangles of a closed surface, which is filled with tets if it is star-shaped
     boundary : where the boundary goes: "radial", along the rays from the centre; "spherical", by `sphere_map`; "auto", along rays
         where the solid is star-shaped
     values : "fixed", the boundary stays there; "sliding", its vertices move on the sphere with the others
+    cells_wanted : about how many tets a surface is filled with; by default as many as make the image nearly a ball, as for the command
     centre : the point that goes to the middle of the ball; by default the centre of the largest ball of star centres
     exponent : a point at the fraction t of its ray starts at the radius t ** exponent
     certify : search for a Gram certificate, the best bound there is, for 60 seconds, or for so many
@@ -119,7 +120,7 @@ def ball_map(
     corners = 3 if given.ndim == 2 and given.shape[1] == 3 else 4
     indices = cells_of("cells", given, corners, len(positions))
     one_of("boundary", boundary, "auto", "radial", "spherical")
-    if not 1 <= cells_wanted <= 18_000_000:
+    if cells_wanted is not None and not 1 <= cells_wanted <= 18_000_000:
         raise ValueError(f"cells_wanted is {cells_wanted}, but must be from 1 to 18,000,000")
     ball = {
         "centre": _centre(centre),
