@@ -25,14 +25,15 @@ use clap_complete::Shell;
 use crate::bench::BenchError;
 use crate::comparison::{self, ComparisonError};
 use crate::config::{AnalyticPlan, ConfigError, Plan, Task, schema};
-use crate::experiment::{self, RunError, Start};
+use crate::experiment::{self, Event, RunError, Stage, Start};
 use crate::mesh::io::{ReadError, WriteError, check_file_can_be_put, check_folder_is_writable, shown_path};
 use crate::optimize::StopReason;
 use crate::report::{FILES, INCOMPLETE, PageError, summary, time_line, write_pages, write_pages_of, write_results};
 use crate::sweep::{TableError, memory_of};
 use crate::verify::VerifyError;
+use inputs::refuse_to_write_over;
 use output::{fault, note, print, show_error};
-use progress::Progress;
+use progress::{Progress, ProgressArguments};
 
 #[cfg(feature = "nlopt")]
 macro_rules! nlopt {
@@ -122,9 +123,8 @@ struct RunArguments {
     /// Mesh the solid, print what would be solved and how much memory that takes, and write nothing.
     #[arg(long, conflicts_with_all = ["json", "quiet"])]
     dry_run: bool,
-    /// No progress and no summary.
-    #[arg(long)]
-    quiet: bool,
+    #[command(flatten)]
+    told: ProgressArguments,
     /// Print the report as JSON instead of the summary.
     #[arg(long)]
     json: bool,
@@ -254,7 +254,7 @@ fn run_comparison(arguments: &RunArguments, plan: &AnalyticPlan) -> Result<Endin
     check_folder_is_writable(&folder)?;
     let compared = experiment::on_threads(usize::from(arguments.threads.unwrap_or(0)), || comparison::compare(plan))??;
     comparison::write_results(&folder, plan, &compared)?;
-    if arguments.quiet { Ok(Ending::Done) } else { print(&comparison::table(plan, &compared)) }
+    if arguments.told.quiet { Ok(Ending::Done) } else { print(&comparison::table(plan, &compared)) }
 }
 
 /// `qcball report`.
@@ -274,7 +274,7 @@ fn pages_are_written(folder: &Path, written: Result<PathBuf, PageError>) -> bool
 fn preview(plan: &Plan, folder: &Path) -> Result<String, Failure> {
     let (start, k) = experiment::on_threads(plan.threads.unwrap_or(0), || -> Result<_, RunError> {
         let start = Start::of(plan)?;
-        let summary = start.measure(&start.image).summary;
+        let summary = start.measure(&start.image, &plan.optimize.cancel).summary;
         Ok((start, summary))
     })??;
     let domain = &start.domain;
@@ -319,16 +319,31 @@ fn run(arguments: &RunArguments) -> Result<Ending, Failure> {
         plan.optimize.cancel = interrupt::cancel_on_signal();
         return print(&preview(&plan, &folder)?);
     }
+    refuse_to_write_over([&arguments.config], &arguments.told.log)?;
     // Before hours of work, not after.
     check_folder_is_writable(&folder)?;
     FILES.iter().try_for_each(|name| check_file_can_be_put(&folder.join(name)))?;
     plan.optimize.cancel = interrupt::cancel_on_signal();
-    let progress = Progress::new(arguments.quiet);
-    let finished = experiment::run(&plan, &mut |row| progress.show(row));
-    progress.finish();
-    let finished = finished?;
-    let page = match write_results(&folder, &finished.report, &finished.record()) {
-        Ok(()) => pages_are_written(&folder, write_pages_of(&folder, &finished.report, &finished.record())),
+    let progress = Progress::new(&arguments.told)?;
+    let finished = experiment::run_and_tell(&plan, &mut |event| match event {
+        Event::Stage(stage) => progress.begin(stage),
+        Event::Row(row) => progress.show(row),
+    });
+    progress.begin(Stage::Writing);
+    let finished = finished.inspect_err(|_| progress.finish())?;
+    let threads = plan.threads.unwrap_or(0);
+    let written = experiment::on_threads(threads, || write_results(&folder, &finished.report, &finished.record()))?;
+    let page = match written {
+        Ok(()) if plan.optimize.cancel.is_raised() => {
+            note(&format!("interrupted: the page was left out; `qcball report {}` makes it", shown_path(&folder)));
+            true
+        }
+        Ok(()) => {
+            progress.begin(Stage::Page);
+            let made =
+                experiment::on_threads(threads, || write_pages_of(&folder, &finished.report, &finished.record()))?;
+            pages_are_written(&folder, made)
+        }
         Err(error) => {
             let folder = shown_path(&folder);
             fault(&format!(
@@ -337,9 +352,10 @@ fn run(arguments: &RunArguments) -> Result<Ending, Failure> {
             false
         }
     };
+    progress.finish();
     if arguments.json {
         print(&finished.report.to_json())?;
-    } else if !arguments.quiet {
+    } else if !arguments.told.quiet {
         let (summary, time) = (summary(&finished.report), time_line(finished.report.achieved.times));
         print(&format!("{summary}{time}results     {}\n", shown_path(&folder)))?;
     }

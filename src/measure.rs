@@ -3,7 +3,9 @@
 mod ball;
 mod bottleneck;
 
-pub use ball::{BallDilatation, NotOntoBall, ball_dilatation, ball_fraction, measure_onto_ball};
+pub use ball::{
+    BallDilatation, NotOntoBall, ball_dilatation, ball_fraction, measure_onto_ball, measure_onto_ball_until,
+};
 pub use bottleneck::{Bottleneck, bottleneck};
 
 use rayon::prelude::*;

@@ -1,12 +1,16 @@
 //! What is interrupted, or runs out of its time, ends at once with what it has, whatever stage it is in.
 
+use std::path::Path;
 use std::time::Duration;
 
 use qcball::bound::certificate;
-use qcball::experiment::{GivenMap, optimize_map};
+use qcball::experiment::{self, Event, GivenMap, optimize_map};
 use qcball::mesh::{TetMesh, Vec3, VertexId};
 use qcball::optimize::{OptimizeSettings, StopReason, untangle};
-use qcball::{Cancel, Domain, RadialCoordinates, ShellSettings, Solid, bound, caraman, shell_mesh, star_centre};
+use qcball::report::write_results;
+use qcball::{
+    Cancel, Domain, Plan, RadialCoordinates, ShellSettings, Solid, bound, caraman, shell_mesh, star_centre, verify,
+};
 
 /// A cube, and its radial map with the vertices inside put at the centre, so that most tets are flat.
 fn tangled() -> (Domain, Vec<Vec3>) {
@@ -47,6 +51,56 @@ fn untangling_ends_at_the_time_limit_of_the_optimization_and_when_it_is_cancelle
     // With time it does not resist.
     let untangled = untangle(&domain, &start, &fixed, &OptimizeSettings::default(), &mut |_| {}).unwrap();
     assert!(untangled.iterations > 0 && untangled.resisting.is_empty());
+}
+
+#[test]
+fn a_run_that_is_interrupted_writes_the_map_it_has_without_what_takes_long_and_is_verified() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/smoke.toml");
+    // Before anything, and after some iterations.
+    for rows in [0, 3] {
+        let plan = Plan::read(&config, &[]).unwrap();
+        let mut seen = 0;
+        let cancel = &plan.optimize.cancel;
+        let finished = experiment::run_and_tell(&plan, &mut |event| {
+            seen += usize::from(matches!(event, Event::Row(_)));
+            if seen >= rows {
+                cancel.raise();
+            }
+        })
+        .unwrap();
+        let achieved = &finished.report.achieved;
+        assert_eq!((achieved.stop, achieved.iterations), (StopReason::Cancelled, rows.saturating_sub(1)));
+        assert!(finished.report.bijective && achieved.bounds.is_empty() && achieved.last.ball_k.is_none());
+        assert!(achieved.last.max_k <= achieved.initial.max_k);
+        let out = folder.path().join(rows.to_string());
+        write_results(&out, &finished.report, &finished.record()).unwrap();
+        let found = verify::verify(&out).unwrap();
+        assert!(found.verified, "{found}");
+    }
+}
+
+#[test]
+fn a_log_has_a_line_a_stage_and_a_line_an_iteration() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = folder.path().join("log.txt");
+    let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/smoke.toml");
+    let output = assert_cmd::Command::new(assert_cmd::cargo::cargo_bin!("qcball"))
+        .current_dir(folder.path())
+        .arg("run")
+        .arg(config)
+        .args(["--verbose", "--set", "optimize.max_iterations=2", "--log"])
+        .arg(&log)
+        .output()
+        .unwrap();
+    assert!(output.status.success());
+    let text = std::fs::read_to_string(log).unwrap();
+    assert_eq!(text, String::from_utf8(output.stderr).unwrap());
+    // The start and two iterations.
+    assert_eq!(text.lines().filter(|line| line.contains("max K")).count(), 3, "{text}");
+    for stage in ["meshing", "optimizing", "measuring", "computing the bounds", "writing", "making the page"] {
+        assert_eq!(text.matches(stage).count(), 1, "{stage}: {text}");
+    }
 }
 
 #[test]

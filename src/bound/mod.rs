@@ -223,30 +223,29 @@ pub fn all_until(
     radial_trace: bool,
     cancel: &Cancel,
 ) -> Vec<LowerBound> {
-    let mut bounds = Vec::new();
     if cancel.is_due() {
-        return bounds;
+        return Vec::new();
     }
     let edges = BoundaryEdges::of(domain.mesh(), domain.boundary());
     let features = Features::of(domain.mesh(), domain.boundary(), &edges);
     let boundary_image = BoundaryImage::new(domain, &edges, image);
-    bounds.extend(locked(domain, image));
-    bounds.extend(trace(domain, image));
-    bounds.extend(edge_ratio(domain, &edges, boundary_image));
-    bounds.extend(fan(domain, &edges, boundary_image));
-    bounds.extend(end_fan(domain, &edges, boundary_image));
-    bounds.extend(vertex(domain, &edges, boundary_image));
-    bounds.extend(apex(domain, image, cancel));
-    if is_inscribed(domain, image) {
-        bounds.extend(wedge(domain, &edges));
-        bounds.extend(caraman(&features));
-    }
-    if let Some(centre) = centre.filter(|centre| radial_trace && is_strict_star_centre(domain, centre)) {
-        bounds.extend(vertex_smooth(domain));
-        bounds.extend(trace_smooth(domain, centre));
-        bounds.extend(edge_limit(domain, &edges));
-    }
-    bounds
+    let is_inscribed = is_inscribed(domain, image);
+    let centre = centre.filter(|centre| radial_trace && is_strict_star_centre(domain, centre));
+    let theorems: [&dyn Fn() -> Vec<LowerBound>; 12] = [
+        &|| locked(domain, image).into_iter().collect(),
+        &|| trace(domain, image).into_iter().collect(),
+        &|| edge_ratio(domain, &edges, boundary_image).into_iter().collect(),
+        &|| fan(domain, &edges, boundary_image).into_iter().collect(),
+        &|| end_fan(domain, &edges, boundary_image).into_iter().collect(),
+        &|| vertex(domain, &edges, boundary_image).into_iter().collect(),
+        &|| apex(domain, image, cancel),
+        &|| is_inscribed.then(|| wedge(domain, &edges)).into_iter().flatten().collect(),
+        &|| is_inscribed.then(|| caraman(&features)).into_iter().flatten().collect(),
+        &|| centre.map(|_| vertex_smooth(domain)).into_iter().flatten().collect(),
+        &|| centre.map(|centre| trace_smooth(domain, centre)).into_iter().flatten().collect(),
+        &|| centre.map(|_| edge_limit(domain, &edges)).into_iter().flatten().collect(),
+    ];
+    theorems.into_iter().filter(|_| !cancel.is_due()).flat_map(|bounds| bounds()).collect()
 }
 
 /// The largest of the certified bounds whose scope contains the measured map; each bounds K, whatever its kind. The first

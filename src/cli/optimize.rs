@@ -8,11 +8,11 @@ use clap::Args;
 use super::inputs::{positive, read_map, refuse_to_write_over};
 use super::interrupt::cancel_on_signal;
 use super::output::{fault, print};
-use super::progress::Progress;
+use super::progress::{Progress, ProgressArguments};
 use super::{Ending, Failure};
 use crate::cancel::Cancel;
 use crate::config::optimize_settings;
-use crate::experiment::{RunError, on_threads, optimize_map, read_locks};
+use crate::experiment::{RunError, Stage, on_threads, optimize_map, read_locks};
 use crate::mesh::io::{CellData, WriteError, check_file_can_be_put, check_tets_can_be_written, shown_path, write_tets};
 use crate::optimize::{BoundaryValues, Engine, Objective, OptimizeSettings, Polish, StopReason};
 use crate::refine::{Budget, RefineSettings};
@@ -73,9 +73,8 @@ pub(crate) struct OptimizeArguments {
     /// Write the trace as CSV, a row an iteration.
     #[arg(long, value_name = "FILE")]
     trace: Option<PathBuf>,
-    /// No progress and no summary.
-    #[arg(long)]
-    quiet: bool,
+    #[command(flatten)]
+    told: ProgressArguments,
     /// Print the figures as JSON instead of the summary.
     #[arg(long)]
     json: bool,
@@ -89,6 +88,8 @@ pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure>
         check_file_can_be_put(file)?;
     }
     let from_config = arguments.config.as_deref().map(optimize_settings).transpose()?;
+    let progress = Progress::new(&arguments.told)?;
+    progress.begin(Stage::Reading);
     let map = read_map(&arguments.rest, &arguments.init)?;
     let fixed = match &arguments.lock {
         Some(path) => {
@@ -115,11 +116,11 @@ pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure>
         ..RefineSettings::default()
     });
     let vertices = map.domain.mesh().points().len();
-    let progress = Progress::new(arguments.quiet);
+    progress.begin(Stage::Optimizing);
     let optimized = on_threads(usize::from(arguments.threads), || {
         optimize_map(map, fixed, arguments.keep_mesh, &settings, refinement.as_ref(), &mut |row| progress.show(row))
     })?;
-    progress.finish();
+    progress.begin(Stage::Writing);
     let origin = shown_path(&arguments.rest);
     let optimized = optimized.map_err(RunError::at(&origin))?;
     let tets = optimized.domain.mesh().tets();
@@ -134,11 +135,12 @@ pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure>
         files = format!("{files}, the split domain in {}", shown_path(&domain));
     }
     written.extend(arguments.trace.as_ref().map(|path| write_trace(path, &optimized.trace)));
+    progress.finish();
     let faults: Vec<WriteError> = written.into_iter().filter_map(Result::err).collect();
     faults.iter().for_each(|error| fault(&format!("{error}; the optimization itself came to its end")));
     if arguments.json {
         print(&to_json(&optimized.report))?;
-    } else if !arguments.quiet {
+    } else if !arguments.told.quiet {
         print(&format!("{}image       {files}\n", map_summary(&optimized.report)))?;
     }
     Ok(match &optimized.report {
@@ -152,7 +154,9 @@ pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure>
 /// Refuses to write over what is read: the inputs may have no other copy.
 fn check_inputs_are_kept(arguments: &OptimizeArguments) -> Result<(), Failure> {
     let inputs = [Some(&arguments.rest), Some(&arguments.init), arguments.lock.as_ref()];
-    refuse_to_write_over(inputs.into_iter().flatten(), [&arguments.out, &beside(&arguments.out)])
+    let domain = beside(&arguments.out);
+    let outputs = [&arguments.out, &domain].into_iter().chain(&arguments.told.log);
+    refuse_to_write_over(inputs.into_iter().flatten(), outputs)
 }
 
 /// `image.mesh` -> `image-domain.mesh`.

@@ -80,12 +80,73 @@ impl Finished {
     }
 }
 
+/// What a run does, in this order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// Files are read.
+    Reading,
+    /// The solid is meshed, or read, and mapped to begin with.
+    Starting,
+    /// Flipped tets are freed, if there are any, and the map is optimized: this stage has rows.
+    Optimizing,
+    /// The maps are measured.
+    Measuring,
+    /// A certificate is searched for.
+    Certifying,
+    /// The bounds are computed.
+    Bounding,
+    /// All is gathered in the record.
+    Recording,
+    /// The files are written.
+    Writing,
+    /// The page is made.
+    Page,
+}
+
+/// As progress names it.
+impl std::fmt::Display for Stage {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Reading => "reading",
+            Self::Starting => "meshing and mapping to begin with",
+            Self::Optimizing => "optimizing",
+            Self::Measuring => "measuring",
+            Self::Certifying => "searching for a certificate",
+            Self::Bounding => "computing the bounds",
+            Self::Recording => "gathering the record",
+            Self::Writing => "writing",
+            Self::Page => "making the page",
+        })
+    }
+}
+
+/// What a run tells while it goes on.
+#[derive(Clone, Copy, Debug)]
+pub enum Event<'a> {
+    /// A stage begins.
+    Stage(Stage),
+    /// An iteration is done.
+    Row(&'a TraceRow),
+}
+
 /// Runs a plan on as many threads as it asks for; `observe` sees every row of the trace as it comes.
 ///
 /// # Errors
 /// What is wrong with the input, before any optimisation; how an optimisation ends is data in the report.
 pub fn run(plan: &Plan, observe: &mut (dyn FnMut(&TraceRow) + Send)) -> Result<Finished, RunError> {
-    on_threads(plan.threads.unwrap_or(0), || stages(plan, observe))?
+    run_and_tell(plan, &mut |event| {
+        if let Event::Row(row) = event {
+            observe(row);
+        }
+    })
+}
+
+/// [`run`], which tells its stages too.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_and_tell(plan: &Plan, tell: &mut (dyn FnMut(Event) + Send)) -> Result<Finished, RunError> {
+    on_threads(plan.threads.unwrap_or(0), || stages(plan, tell))?
 }
 
 /// The most threads that are started, whoever asks for more.
@@ -119,24 +180,32 @@ pub fn on_threads<T: Send>(threads: usize, job: impl FnOnce() -> T + Send) -> Re
     Ok(pool.install(job))
 }
 
-fn stages(plan: &Plan, observe: &mut dyn FnMut(&TraceRow)) -> Result<Finished, RunError> {
+fn stages(plan: &Plan, tell: &mut dyn FnMut(Event)) -> Result<Finished, RunError> {
     let clock = Instant::now();
+    tell(Event::Stage(Stage::Starting));
     let cancel = &plan.optimize.cancel;
     let mut start = match Start::of(plan) {
         // A mesher that was ended is no fault of the input.
         Err(_) if cancel.is_raised() => return Err(RunError::Interrupted),
         start => start?,
     };
+    tell(Event::Stage(Stage::Optimizing));
     let (untangled, refinement_splits, outcome, rounds) =
-        optimized(&mut start, plan, observe).map_err(RunError::at(&start.origin.clone()))?;
+        optimized(&mut start, plan, &mut |row| tell(Event::Row(row))).map_err(RunError::at(&start.origin.clone()))?;
+    tell(Event::Stage(Stage::Measuring));
     let (refined, halved) = rounds.unzip();
     let domain = &start.domain;
     // With the exponents arrived at, where corners have any.
-    let measured_initial = start.measure(&start.image);
-    let measured = start.measure(&outcome.positions);
+    let measured_initial = start.measure(&start.image, cancel);
+    let measured = start.measure(&outcome.positions, cancel);
+    if plan.certify.is_some() {
+        tell(Event::Stage(Stage::Certifying));
+    }
     let search = |limit| certificate::search(domain, &outcome.positions, &cancel.within(limit));
     let certificate = plan.certify.and_then(search);
+    tell(Event::Stage(Stage::Bounding));
     let bounds = bounds(&start, &outcome.positions, certificate.as_ref(), cancel);
+    tell(Event::Stage(Stage::Recording));
     let files = format!("{} and the files it names", shown_path(plan.source.path()));
     confront(&bounds, domain, &outcome.positions, &measured.summary, &files)?;
     let flipped = measured_initial.summary.flipped;

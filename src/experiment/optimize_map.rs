@@ -8,7 +8,7 @@ use super::interrupted;
 use super::record::Course;
 use crate::bound::{self, confront};
 use crate::domain::Domain;
-use crate::measure::measure_onto_ball;
+use crate::measure::measure_onto_ball_until;
 use crate::mesh::io::{ReadError, read_tets, shown_path};
 use crate::mesh::{TetMesh, TetSoup, Unit, Vec3, full_boundary};
 use crate::optimize::{BoundaryValues, Freed, OptimizeSettings, Polish, Tangled, TraceRow};
@@ -174,8 +174,8 @@ pub fn optimize_map(
         refined = Some(RefinedFigures { tets_before, end: map.end, rounds: map.rounds });
     }
     let fixed = fixed.unwrap_or_else(|| domain.boundary().vertex_mask().to_vec());
-    let before = measure_onto_ball(&domain, &start);
-    let after = measure_onto_ball(&domain, &outcome.positions);
+    let before = measure_onto_ball_until(&domain, &start, &settings.cancel);
+    let after = measure_onto_ball_until(&domain, &outcome.positions, &settings.cancel);
     let boundary_is_fixed = domain.boundary().vertex_mask().iter().zip(&fixed).all(|(&on, &fixed)| fixed || !on);
     let mut bounds = if boundary_is_fixed {
         bound::all_until(&domain, &outcome.positions, None, false, &settings.cancel)

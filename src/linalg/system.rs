@@ -1,6 +1,7 @@
 //! The Newton system: solved directly up to a size, iteratively above it.
 
 use super::{BlockCholesky, BlockConjugateGradients, SparseError};
+use crate::cancel::Cancel;
 
 /// How Newton systems are solved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,6 +40,13 @@ impl NewtonSystem {
             Method::Direct => Self::Direct(Box::new(BlockCholesky::new(block_count, edges)?)),
             Method::Iterative => Self::Iterative(BlockConjugateGradients::new(block_count, edges)),
         })
+    }
+
+    /// From now on iterative solves end early, at what they have reached, when this is due.
+    pub fn heed(&mut self, cancel: &Cancel) {
+        if let Self::Iterative(system) = self {
+            system.heed(cancel);
+        }
     }
 
     /// Start of each block column in [`NewtonSystem::rows`]; a block column of `m` blocks has `9 m` values.

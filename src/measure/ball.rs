@@ -47,6 +47,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::{Measured, measure};
+use crate::cancel::Cancel;
 use crate::dilatation::null_is_infinite;
 use crate::domain::Domain;
 use crate::mesh::{Orientation, TetId, Vec3, VertexId, View, orientation};
@@ -99,6 +100,15 @@ const BATCH: usize = 256;
 /// # Panics
 /// If `image` has fewer positions than the domain has vertices.
 pub fn ball_dilatation(domain: &Domain, image: &[Vec3]) -> Result<BallDilatation, NotOntoBall> {
+    let enclosed = enclosed(domain, image, &Cancel::default())?;
+    Ok(enclosed.expect("nobody cancels it"))
+}
+
+/// The same unless it is cancelled from outside, in which case it ends without a result; deadlines are not heeded.
+fn enclosed(domain: &Domain, image: &[Vec3], cancel: &Cancel) -> Result<Option<BallDilatation>, NotOntoBall> {
+    if cancel.is_raised() {
+        return Ok(None);
+    }
     let triangles: Vec<[Vec3; 3]> = onto_ball(domain, image)?;
     let tets = domain.mesh().tets();
     let corners = |tet: usize| tets[tet].map(|v| image[v.index()]);
@@ -108,7 +118,7 @@ pub fn ball_dilatation(domain: &Domain, image: &[Vec3]) -> Result<BallDilatation
             && orientation(corners.each_ref()) == Orientation::Positive
     };
     if !(0..tets.len()).into_par_iter().all(is_positive) {
-        return Ok(BallDilatation { certified: f64::INFINITY, sampled: f64::INFINITY });
+        return Ok(Some(BallDilatation { certified: f64::INFINITY, sampled: f64::INFINITY }));
     }
     let map = |tet: usize| TetMap::new(&domain.mesh().corners(TetId(tet as u32)), &corners(tet));
     let cones = Cones::new(&triangles);
@@ -133,6 +143,9 @@ pub fn ball_dilatation(domain: &Domain, image: &[Vec3]) -> Result<BallDilatation
         if batch[0].0 <= floor {
             break;
         }
+        if cancel.is_raised() {
+            return Ok(None);
+        }
         let tolerance = if left > 0 { TOLERANCE } else { ROUGH };
         let bounded = batch.par_iter().filter(|(bound, _)| *bound > floor);
         let bounded = bounded.map(|&(_, tet)| of_tet(&map(tet), &corners(tet), &cones, floor, tolerance));
@@ -147,7 +160,7 @@ pub fn ball_dilatation(domain: &Domain, image: &[Vec3]) -> Result<BallDilatation
     }
     // What was passed over is no larger than either.
     found.certified = found.certified.max(found.sampled);
-    Ok(found)
+    Ok(Some(found))
 }
 
 /// Measures a map, K onto the ball included where there is one.
@@ -155,8 +168,16 @@ pub fn ball_dilatation(domain: &Domain, image: &[Vec3]) -> Result<BallDilatation
 /// # Panics
 /// If `image` has fewer positions than the domain has vertices.
 pub fn measure_onto_ball(domain: &Domain, image: &[Vec3]) -> Measured {
+    measure_onto_ball_until(domain, image, &Cancel::default())
+}
+
+/// The same, without K onto the ball if it is cancelled from outside before that is found.
+///
+/// # Panics
+/// If `image` has fewer positions than the domain has vertices.
+pub fn measure_onto_ball_until(domain: &Domain, image: &[Vec3], cancel: &Cancel) -> Measured {
     let mut measured = measure(domain, image);
-    measured.summary.ball_k = ball_dilatation(domain, image).ok();
+    measured.summary.ball_k = enclosed(domain, image, cancel).ok().flatten();
     measured
 }
 

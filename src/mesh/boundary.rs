@@ -2,6 +2,8 @@
 
 use std::collections::HashMap;
 
+use rayon::prelude::*;
+
 use super::{TetId, TetMesh, VertexId};
 
 /// Why a tetrahedral mesh is not a topological ball.
@@ -92,7 +94,7 @@ impl Boundary {
                 sides.push((sorted(triangle), (index, side), runs_upwards(triangle)));
             }
         }
-        sides.sort_unstable();
+        sides.par_sort_unstable();
         // The places of the triangles that have one tet, and the first of each fault.
         let mut places = Vec::new();
         let (mut overused, mut folded) = (None, None);
@@ -165,7 +167,7 @@ impl Boundary {
         if let Some(vertex) = used.iter().position(|used| !used) {
             return Err(TopologyError::UnusedVertex { vertex: vertex as u32 });
         }
-        faces.sort_unstable();
+        faces.par_sort_unstable();
         let mut pieces = DisjointSets::new(mesh.tets().len());
         for pair in faces.windows(2).filter(|pair| pair[0].0 == pair[1].0) {
             pieces.join(pair[0].1, pair[1].1);
@@ -173,7 +175,7 @@ impl Boundary {
         if pieces.count() > 1 {
             return Err(TopologyError::Disconnected { count: pieces.count() });
         }
-        edges.sort_unstable();
+        edges.par_sort_unstable();
         edges.dedup();
         let face_count = (faces.len() + self.triangles.len()) / 2;
         let solid = mesh.points().len() as i64 - edges.len() as i64 + face_count as i64 - mesh.tets().len() as i64;

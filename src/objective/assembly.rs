@@ -1,5 +1,7 @@
 //! The sum over tets: value, gradient and Hessian of an energy with respect to the free vertices, in a fixed order.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::element::{ElementDerivatives, centred_logs, gradient_from};
@@ -7,10 +9,13 @@ use super::unknowns::projection;
 use super::{Barrier, Iterate, TetEnergy, Unknowns};
 use crate::domain::Domain;
 use crate::linalg::{Method, NewtonSystem, SparseError, Svd, reverse_cuthill_mckee, svd};
-use crate::mesh::{Orientation, TetId, Vec3, VertexId, orientation};
+use crate::mesh::{Mat3, Orientation, TetId, Vec3, VertexId, orientation};
 
 /// Tets a parallel task works on at once; fixed, so that partial sums do not depend on the number of threads.
 pub(super) const CHUNK: usize = 1024;
+/// Tets whose second derivatives are held at once: 820 bytes each, for all tets at once most of the memory. Few in tests, whose
+/// meshes are small.
+const BATCH: usize = if cfg!(test) { 100 } else { 1 << 16 };
 
 /// The maps from tets to unknowns of one domain with some vertices free, and the workspace of its Newton systems.
 ///
@@ -25,8 +30,11 @@ pub struct Assembly<'d> {
     /// For each stored block of the system, its contributions `20 * tet + 2 * local pair + transposed`.
     blocks: Gather,
     system: NewtonSystem,
-    /// Of the last linearisation; kept so that its memory is taken from the system once.
+    /// Of a batch of tets, of all tets, and how far the contributions to each block were gone through; kept so that their memory
+    /// is taken from the system once.
     elements: Vec<ElementDerivatives>,
+    gradients: Vec<[Vec3; 4]>,
+    cursors: Vec<usize>,
     gradient_scale: f64,
 }
 
@@ -106,6 +114,8 @@ impl<'d> Assembly<'d> {
             blocks,
             system,
             elements: Vec::new(),
+            gradients: Vec::new(),
+            cursors: Vec::new(),
             gradient_scale: 0.0,
         })
     }
@@ -179,41 +189,84 @@ impl<'d> Assembly<'d> {
     /// unknown); `None` if a tet is flipped or the energy infinite.
     pub fn linearize<E: TetEnergy>(&mut self, energy: &E, iterate: &Iterate, negative: f64) -> Option<Vec<f64>> {
         let inverse_edges = self.domain.inverse_edges();
-        self.elements.resize(inverse_edges.len(), ElementDerivatives::default());
-        let finite = self
-            .elements
-            .par_iter_mut()
-            .zip(iterate.decompositions())
-            .enumerate()
-            .with_min_len(CHUNK)
-            .map(|(t, (element, decomposition))| {
-                let spectrum = energy.spectrum(t, decomposition.values, negative);
-                spectrum.map(|spectrum| element.fill(decomposition, &spectrum, &inverse_edges[t])).is_some()
-            })
-            .reduce(|| true, |a, b| a && b);
-        if !finite {
-            return None;
+        let tets = inverse_edges.len();
+        self.gradients.resize(tets, Default::default());
+        self.elements.resize(tets.min(BATCH), ElementDerivatives::default());
+        self.cursors.clear();
+        self.cursors.extend_from_slice(&self.blocks.starts[..self.blocks.starts.len() - 1]);
+        self.system.values_mut().fill(0.0);
+        for first in (0..tets).step_by(BATCH) {
+            let batch = first..tets.min(first + BATCH);
+            let elements = &mut self.elements[..batch.len()];
+            let finite = elements
+                .par_iter_mut()
+                .zip(&mut self.gradients[batch.clone()])
+                .zip(&iterate.decompositions()[batch.clone()])
+                .enumerate()
+                .with_min_len(CHUNK)
+                .map(|(at, ((element, gradient), decomposition))| {
+                    let tet = first + at;
+                    let Some(spectrum) = energy.spectrum(tet, decomposition.values, negative) else { return false };
+                    element.fill(decomposition, &spectrum, &inverse_edges[tet]);
+                    *gradient = element.gradient;
+                    true
+                })
+                .reduce(|| true, |a, b| a && b);
+            if !finite {
+                return None;
+            }
+            self.add_blocks(batch);
         }
-        let elements = &self.elements;
-        let whole = self.gather(|corner| elements[corner / 4].gradient[corner % 4]);
+        let gradients = &self.gradients;
+        let whole = self.gather(|corner| gradients[corner / 4][corner % 4]);
+        self.gradient_scale = self.sum_over_corners(|corner| gradients[corner / 4][corner % 4].norm());
         let image = iterate.image();
+        self.project_blocks(image, &whole);
+        Some(self.tangent(image, whole))
+    }
+
+    /// Adds to the system's blocks what a batch of tets contributes, in the order of the tets.
+    fn add_blocks(&mut self, batch: Range<usize>) {
+        let starts = self.system.column_starts().to_vec();
+        let cursors = split_columns(&mut self.cursors, &starts, 1);
+        let columns = split_columns(self.system.values_mut(), &starts, 9);
+        let (blocks, elements) = (&self.blocks, &self.elements);
+        columns.into_par_iter().zip(cursors).enumerate().with_min_len(64).for_each(|(column, (values, cursors))| {
+            let height = cursors.len();
+            for (k, cursor) in cursors.iter_mut().enumerate() {
+                let end = blocks.starts[starts[column] + k + 1];
+                let items = &blocks.items[*cursor..end];
+                let count = items.iter().take_while(|&&item| item as usize / 20 < batch.end).count();
+                if count == 0 {
+                    continue;
+                }
+                *cursor += count;
+                let mut sum = Mat3::from_fn(|r, c| values[c * 3 * height + 3 * k + r]);
+                for &item in &items[..count] {
+                    let (tet, pair, transposed) = (item as usize / 20, item as usize % 20 / 2, item % 2 == 1);
+                    let block = &elements[tet - batch.start].hessian[pair];
+                    sum += if transposed { block.transpose() } else { *block };
+                }
+                put_block(values, height, k, &sum);
+            }
+        });
+    }
+
+    /// Leaves of the system's blocks what acts on tangent vectors, where vertices slide; `whole` is the gradient in space.
+    fn project_blocks(&mut self, image: &[Vec3], whole: &[f64]) {
+        if !self.unknowns.slides() {
+            return;
+        }
         let normals: Vec<Option<Vec3>> =
             self.free.iter().map(|&v| self.unknowns.normal(v as usize, &image[v as usize])).collect();
-        self.gradient_scale = self.sum_over_corners(|corner| elements[corner / 4].gradient[corner % 4].norm());
         let starts = self.system.column_starts().to_vec();
         let rows = self.system.rows().to_vec();
         let free = &self.free;
-        let mut columns = split_columns(self.system.values_mut(), &starts);
-        let (blocks, elements) = (&self.blocks, &self.elements);
-        columns.par_iter_mut().enumerate().with_min_len(64).for_each(|(column, values)| {
+        let columns = split_columns(self.system.values_mut(), &starts, 9);
+        columns.into_par_iter().enumerate().with_min_len(64).for_each(|(column, values)| {
             let height = starts[column + 1] - starts[column];
             for k in 0..height {
-                let mut sum = crate::mesh::Mat3::zeros();
-                for &item in blocks.of(starts[column] + k) {
-                    let (tet, pair, transposed) = (item as usize / 20, item as usize % 20 / 2, item % 2 == 1);
-                    let block = &elements[tet].hessian[pair];
-                    sum += if transposed { block.transpose() } else { *block };
-                }
+                let mut sum = Mat3::from_fn(|r, c| values[c * 3 * height + 3 * k + r]);
                 let row = rows[starts[column] + k] as usize;
                 for normal in [&normals[row]].into_iter().flatten() {
                     sum = projection(normal) * sum;
@@ -229,14 +282,9 @@ impl<'d> Assembly<'d> {
                         sum += projection(normal) * (-along / radius) + normal * normal.transpose() * stiffness;
                     }
                 }
-                for c in 0..3 {
-                    for r in 0..3 {
-                        values[c * 3 * height + 3 * k + r] = sum[(r, c)];
-                    }
-                }
+                put_block(values, height, k, &sum);
             }
         });
-        Some(self.tangent(image, whole))
     }
 
     /// What of a vector of unknowns may vary at some positions.
@@ -364,14 +412,23 @@ fn edges(tets: &[[VertexId; 4]], unknown_of: &[Option<u32>]) -> Vec<(u32, u32)> 
     edges
 }
 
-/// The value slices of the block columns.
-fn split_columns<'v>(mut values: &'v mut [f64], starts: &[usize]) -> Vec<&'v mut [f64]> {
+/// What belongs to each block column, of a list with `each` entries a block.
+fn split_columns<'v, T>(mut values: &'v mut [T], starts: &[usize], each: usize) -> Vec<&'v mut [T]> {
     starts
         .windows(2)
         .map(|pair| {
-            let (column, rest) = std::mem::take(&mut values).split_at_mut(9 * (pair[1] - pair[0]));
+            let (column, rest) = std::mem::take(&mut values).split_at_mut(each * (pair[1] - pair[0]));
             values = rest;
             column
         })
         .collect()
+}
+
+/// Writes the `k`-th block of a block column of `height` blocks.
+fn put_block(values: &mut [f64], height: usize, k: usize, block: &Mat3) {
+    for c in 0..3 {
+        for r in 0..3 {
+            values[c * 3 * height + 3 * k + r] = block[(r, c)];
+        }
+    }
 }

@@ -319,24 +319,23 @@ pub fn optimize_from(
     settings.engine.check(settings.objective, settings.boundary_values)?;
     settings.engine.check_size(domain.mesh().tets().len())?;
     let unknowns = unknowns(domain, start, fixed, settings.boundary_values)?;
-    let mut assembly = Assembly::new(domain, &unknowns, method(&unknowns))?;
-    let mut iterate = assembly.at(start.to_vec());
+    let mut iterate = Iterate::new(domain, start.to_vec());
     let flipped = iterate.decompositions().iter().filter(|tet| tet.values[2] <= 0.0).count();
     if flipped > 0 {
         return Err(OptimizeError::FlippedStart(flipped));
     }
+    let mut recorder = Recorder::new(&iterate, settings, observe);
+    let as_it_is = |stop, trace| Outcome { positions: start.to_vec(), stop, kkt: None, multipliers: Vec::new(), trace };
+    // The preparations take seconds on a million tets.
+    if settings.cancel.is_raised() {
+        return Ok(as_it_is(StopReason::Cancelled, recorder.rows));
+    }
+    let mut assembly = Assembly::new(domain, &unknowns, method(&unknowns))?;
     if let Some(triangle) = assembly.turned_triangle(start) {
         return Err(OptimizeError::TurnedTriangle(triangle.map(|v| v.0)));
     }
-    let mut recorder = Recorder::new(&iterate, settings, observe);
     if assembly.free().is_empty() {
-        return Ok(Outcome {
-            positions: start.to_vec(),
-            stop: StopReason::NothingFree,
-            kkt: None,
-            multipliers: Vec::new(),
-            trace: recorder.rows,
-        });
+        return Ok(as_it_is(StopReason::NothingFree, recorder.rows));
     }
     let polished = settings.objective == Objective::Max && settings.polish == Polish::Mean;
     recorder.reserve(if polished { POLISH_SHARE } else { 0.0 });

@@ -20,6 +20,7 @@ pub(super) fn soft_max_phase(
 ) -> PhaseEnd {
     let phase = format!("p={exponent}");
     let mut shift = Shift::new();
+    assembly.system().heed(recorder.cancel());
     loop {
         let Some(largest) = iterate.largest_log() else { return PhaseEnd::NoProgress };
         let energy = SoftMax::new(exponent, largest);
@@ -28,6 +29,10 @@ pub(super) fn soft_max_phase(
             return PhaseEnd::NoProgress;
         };
         let Some(direction) = shift.newton_direction(assembly, &gradient) else { return PhaseEnd::NoProgress };
+        // A solve that was cut short is no direction to search along.
+        if recorder.cancel().is_due() {
+            return PhaseEnd::Interrupted;
+        }
         let decrement = -dot(&gradient, &direction) / sum;
         if decrement <= 0.0 {
             return PhaseEnd::Converged;

@@ -70,6 +70,7 @@ pub(super) fn lower_mean(
 fn barrier(assembly: &mut Assembly<'_>, iterate: &mut Iterate, cap: f64, recorder: &mut Recorder<'_>) -> PhaseEnd {
     let tets = assembly.domain().mesh().tets().len() as f64;
     let mut negative = NegativeShare::new();
+    assembly.system().heed(recorder.cancel());
     for (stage, weight) in WEIGHTS.into_iter().enumerate() {
         recorder.progress = 1.0 - 0.1 * (1.0 - stage as f64 / WEIGHTS.len() as f64);
         let energy = CappedMean { weight, cap };
@@ -80,6 +81,10 @@ fn barrier(assembly: &mut Assembly<'_>, iterate: &mut Iterate, cap: f64, recorde
             };
             let mut direction: Vec<f64> = gradient.iter().map(|g| -g).collect();
             assembly.system().solve(&mut direction);
+            // A solve that was cut short is no direction to search along.
+            if recorder.cancel().is_due() {
+                return PhaseEnd::Interrupted;
+            }
             let slope = dot(&gradient, &direction);
             if -slope < CENTRED * weight * tets {
                 break;

@@ -134,7 +134,6 @@ impl<'a> Recorder<'a> {
     }
 
     /// What ends the present phase.
-    #[cfg(feature = "nlopt")]
     pub(super) fn cancel(&self) -> &Cancel {
         &self.cancel
     }

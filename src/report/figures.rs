@@ -270,7 +270,7 @@ pub struct BallFigures {
     /// K onto the ball, certified, over that bound: the least K of all such maps lies between the two. None where one of them
     /// is not known or not finite.
     pub ball_gap: Option<f64>,
-    /// Why there is no K onto the ball; `null` if there is one.
+    /// Why there is no K onto the ball; `null` if there is one, or if the run was interrupted before it was found.
     pub ball_reason: Option<String>,
 }
 

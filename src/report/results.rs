@@ -3,6 +3,7 @@
 use std::io;
 use std::path::Path;
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::corners::{CONE, CORNERS, cone_numbers, cone_rows};
@@ -130,7 +131,7 @@ fn write_files(folder: &Path, report: &Report, record: &MapRecord) -> Vec<(&'sta
             record.certificate.map_or_else(|| remove(&certificate), |found| write_certificate(&certificate, found)),
         ),
         ("trace.csv", write_trace(&folder.join("trace.csv"), record.trace)),
-        ("cells.csv", write_csv(&folder.join("cells.csv"), cells.rows(record))),
+        ("cells.csv", write_cells(&folder.join("cells.csv"), &cells, record)),
         ("summary.txt", write_text(&folder.join("summary.txt"), &summary(report))),
     ];
     let mut faults: Vec<(&str, WriteError)> =
@@ -183,7 +184,8 @@ pub fn write_certificate(path: &Path, certificate: &Certificate) -> Result<(), W
 impl MapRecord<'_> {
     /// The rows of `cells.csv`.
     pub(super) fn cell_rows(&self) -> Vec<CellRow> {
-        Cells::of(self).rows(self).collect()
+        let cells = Cells::of(self);
+        (0..cells.k.len()).map(|tet| cells.row(self, tet)).collect()
     }
 }
 
@@ -268,9 +270,9 @@ impl<'a> Cells<'a> {
         ]
     }
 
-    fn rows(&self, record: &MapRecord<'a>) -> impl Iterator<Item = CellRow> {
+    fn row(&self, record: &MapRecord<'a>, tet: usize) -> CellRow {
         let before = &record.measured_initial.dilatations;
-        (0..self.k.len()).map(move |tet| CellRow {
+        CellRow {
             tet,
             volume: self.volumes[tet],
             k_inner_initial: before[tet].inner,
@@ -281,7 +283,7 @@ impl<'a> Cells<'a> {
             k: self.k[tet],
             active: self.active[tet],
             locked: self.locked[tet],
-        })
+        }
     }
 }
 
@@ -289,8 +291,33 @@ fn write_csv(path: &Path, rows: impl Iterator<Item = impl Serialize>) -> Result<
     write_atomically(path, |file| csv_to(file, rows))
 }
 
+/// Writes `cells.csv`, whose numbers are made into text in parallel, some megabytes at once.
+fn write_cells(path: &Path, cells: &Cells, record: &MapRecord) -> Result<(), WriteError> {
+    /// Few in tests, whose meshes are small.
+    const ROWS: usize = if cfg!(test) { 10 } else { 4096 };
+    const PIECES: usize = 16;
+    write_atomically(path, |file| {
+        for first in (0..cells.k.len()).step_by(ROWS * PIECES) {
+            let pieces = (0..PIECES).into_par_iter().map(|piece| {
+                let start = first + piece * ROWS;
+                let rows = (start..cells.k.len().min(start + ROWS)).map(|tet| cells.row(record, tet));
+                let mut text = Vec::new();
+                table_to(&mut text, start == 0, rows).map(|()| text)
+            });
+            let pieces: Vec<Vec<u8>> = pieces.collect::<io::Result<_>>()?;
+            pieces.iter().try_for_each(|text| file.write_all(text))?;
+        }
+        Ok(())
+    })
+}
+
 fn csv_to(file: &mut dyn io::Write, rows: impl Iterator<Item = impl Serialize>) -> io::Result<()> {
-    let mut table = csv::Writer::from_writer(file);
+    table_to(file, true, rows)
+}
+
+/// Writes rows, after the names of their columns if these are asked for.
+fn table_to(file: &mut dyn io::Write, named: bool, rows: impl Iterator<Item = impl Serialize>) -> io::Result<()> {
+    let mut table = csv::WriterBuilder::new().has_headers(named).from_writer(file);
     for row in rows {
         // Unwrapped, so that a full disk is still told as one.
         table.serialize(row).map_err(|error| match error.into_kind() {

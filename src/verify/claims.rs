@@ -35,14 +35,22 @@ const ACTIVE: f64 = 1e-3;
 /// Holds all claims against the files.
 pub(super) fn check(files: &Files, findings: &mut Findings) {
     let Some(again) = again(files, findings) else { return };
-    let (before, after) = if again.start.corners.is_some() {
-        (again.start.measure(&again.start.image), again.start.measure(&files.image))
+    let (mut before, mut after) = if again.start.corners.is_some() {
+        let measure = |image| again.start.measure(image, &Cancel::default());
+        (measure(&again.start.image), measure(&files.image))
     } else {
         let mut before = measure(&again.start.domain, &again.start.image);
         // Halving amplifies last bits, so of the positions in the files, which were held against those made again.
         before.summary.ball_k = ball_dilatation(&files.domain, &files.start).ok();
-        (before, again.start.measure(&files.image))
+        (before, again.start.measure(&files.image, &Cancel::default()))
     };
+    if files.report.achieved.stop == StopReason::Cancelled {
+        // An interrupted run may not have come to K onto the ball.
+        let told = &files.report.achieved;
+        for (found, told) in [(&mut before, &told.initial), (&mut after, &told.last)] {
+            found.summary.ball_k = found.summary.ball_k.filter(|_| told.ball_k.is_some());
+        }
+    }
     if let Some(centre) = again.start.centre.filter(|_| !again.made) {
         radial_trace(files, &centre.position, findings);
     }

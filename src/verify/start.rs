@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::Findings;
 use super::files::Files;
+use crate::cancel::Cancel;
 use crate::config::{Config, ConfigSource, DomainSource, InitialMap, MeshPlan, Plan};
 use crate::experiment::{RunError, Start};
 use crate::map::{CornerChoice, Corners};
@@ -89,7 +90,7 @@ pub(super) fn again(files: &Files, findings: &mut Findings) -> Option<Again> {
             format!("the mesh before the refinement had {before} tets, not {}", told.tets_before)
         });
     }
-    let unrefined = (!files.halved.is_empty()).then(|| start.measure(&start.image).summary);
+    let unrefined = (!files.halved.is_empty()).then(|| start.measure(&start.image, &Cancel::default()).summary);
     let start = match start.halved(&files.halved) {
         Ok(start) => start,
         Err(error) => {

@@ -191,11 +191,18 @@ fn cuts(mesh: &TetMesh, image: &[Vec3], frame: &Frame) -> [Vec<(f64, Triangles)>
     let mut made = [0, 1, 2].map(|_| Vec::new());
     // Odd numbers, so that the middle is among them.
     for count in [15, 9, 5, 3, 1] {
-        made = [0, 1, 2].map(|axis| {
-            let level = |index: usize| frame.least[axis] + frame.extent[axis] * (index as f64) / (count + 1) as f64;
-            (1..=count).map(|index| (level(index), cut(mesh, image, axis, level(index)))).collect()
-        });
-        if made.iter().flatten().map(|(_, triangles)| triangles.bytes()).sum::<usize>() <= CUT_BYTES {
+        made = [0, 1, 2].map(|_| Vec::new());
+        let mut bytes = 0;
+        for (axis, index) in (0..3).flat_map(|axis| (1..=count).map(move |index| (axis, index))) {
+            let level = frame.least[axis] + frame.extent[axis] * (index as f64) / (count + 1) as f64;
+            let triangles = cut(mesh, image, axis, level);
+            bytes += triangles.bytes();
+            made[axis].push((level, triangles));
+            if bytes > CUT_BYTES && count > 1 {
+                break;
+            }
+        }
+        if bytes <= CUT_BYTES {
             break;
         }
     }
@@ -209,6 +216,10 @@ fn cut(mesh: &TetMesh, image: &[Vec3], axis: usize, level: f64) -> Triangles {
     let mut surface = Triangles::default();
     let mut crossings: HashMap<(u32, u32), u32> = HashMap::new();
     for (tet, corners) in mesh.tets().iter().enumerate() {
+        let is_above = corners.map(|v| points[v.index()][axis] >= level);
+        if is_above == [true; 4] || is_above == [false; 4] {
+            continue;
+        }
         let (above, below): (Vec<u32>, Vec<u32>) =
             corners.iter().map(|v| v.0).partition(|&v| points[v as usize][axis] >= level);
         let mut crossing = |(a, b): (u32, u32)| {

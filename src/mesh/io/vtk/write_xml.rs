@@ -12,6 +12,7 @@ use base64::engine::general_purpose::STANDARD;
 use flate2::Compression;
 use flate2::write::ZlibEncoder;
 use quick_xml::escape::escape;
+use rayon::prelude::*;
 
 use super::cells::{HEXAHEDRON, LINE, TETRA, TRIANGLE, VERTEX};
 use crate::mesh::io::{WriteError, write_atomically};
@@ -193,14 +194,15 @@ fn write_values(file: &mut dyn Write, name: &str, values: &Values) -> io::Result
 fn write_array(file: &mut dyn Write, kind: &str, name: &str, components: usize, bytes: &[u8]) -> io::Result<()> {
     let partial = bytes.len() % BLOCK_BYTES;
     let mut header = vec![bytes.len().div_ceil(BLOCK_BYTES), BLOCK_BYTES, partial];
-    let mut compressed = Vec::new();
-    for block in bytes.chunks(BLOCK_BYTES) {
-        let start = compressed.len();
-        let mut encoder = ZlibEncoder::new(&mut compressed, Compression::default());
+    let blocks = bytes.par_chunks(BLOCK_BYTES).map(|block| {
+        // Of coordinates more effort saves a tenth of the size at most, in three times the time.
+        let mut encoder = ZlibEncoder::new(Vec::new(), Compression::fast());
         encoder.write_all(block)?;
-        encoder.finish()?;
-        header.push(compressed.len() - start);
-    }
+        encoder.finish()
+    });
+    let blocks: Vec<Vec<u8>> = blocks.collect::<io::Result<_>>()?;
+    header.extend(blocks.iter().map(Vec::len));
+    let compressed = blocks.concat();
     // One component is the default; spelled out, meshio makes columns of shape (n, 1) of it.
     let components = if components == 1 { String::new() } else { format!(" NumberOfComponents=\"{components}\"") };
     let header: Vec<u8> = header.into_iter().flat_map(|size| (size as u64).to_le_bytes()).collect();
