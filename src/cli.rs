@@ -28,7 +28,10 @@ use crate::config::{AnalyticPlan, ConfigError, Plan, Task, schema};
 use crate::experiment::{self, Event, RunError, Stage, Start};
 use crate::mesh::io::{ReadError, WriteError, check_file_can_be_put, check_folder_is_writable, shown_path};
 use crate::optimize::StopReason;
-use crate::report::{FILES, INCOMPLETE, PageError, summary, time_line, write_pages, write_pages_of, write_results};
+use crate::report::{
+    FILES, INCOMPLETE, PageError, summary, time_line, write_case_pages, write_pages, write_pages_of, write_pair,
+    write_results,
+};
 use crate::sweep::{TableError, memory_of};
 use crate::verify::VerifyError;
 use inputs::refuse_to_write_over;
@@ -88,10 +91,18 @@ enum Command {
     Picture(picture::PictureArguments),
     /// Optimize every mesh of a folder and write a table of the results, beside those of other programs.
     Bench(bench::BenchArguments),
-    /// Make report.html and the pictures of a results folder anew from its other files.
+    /// Make report.html and the pictures of a results folder anew from its other files, or a page with two runs side by side.
     Report {
         /// The folder of a run or of a sweep.
         folder: PathBuf,
+        /// The folder of another run, to be set beside the first.
+        beside: Option<PathBuf>,
+        /// Where the page of two runs goes.
+        #[arg(long, value_name = "FILE", default_value = "compare.html", requires = "beside")]
+        out: PathBuf,
+        /// Of a sweep, first make the pages of all cases that are done.
+        #[arg(long, conflicts_with = "beside")]
+        cases: bool,
     },
     /// Print the JSON schema of config files, which describes every key.
     Schema,
@@ -218,7 +229,8 @@ pub fn call(program: &Path, arguments: &[OsString]) -> u8 {
         Command::Sphere(arguments) => sphere::sphere(&arguments),
         Command::Picture(arguments) => picture::picture(&arguments),
         Command::Bench(words) => bench::bench(&words, program, arguments),
-        Command::Report { folder } => report(&folder),
+        Command::Report { folder, beside: Some(other), out, .. } => report_pair(&folder, &other, &out),
+        Command::Report { folder, cases, .. } => report(&folder, cases),
         Command::Schema => print(&(schema() + "\n")),
         Command::Completions { shell } => completions(shell),
     };
@@ -258,8 +270,18 @@ fn run_comparison(arguments: &RunArguments, plan: &AnalyticPlan) -> Result<Endin
 }
 
 /// `qcball report`.
-fn report(folder: &Path) -> Result<Ending, Failure> {
+fn report(folder: &Path, cases: bool) -> Result<Ending, Failure> {
+    if cases {
+        let made = write_case_pages(folder)?;
+        note(&format!("the pages of {made} cases are made"));
+    }
     print(&format!("{}\n", shown_path(&write_pages(folder)?)))
+}
+
+/// `qcball report A B`.
+fn report_pair(folder: &Path, other: &Path, page: &Path) -> Result<Ending, Failure> {
+    write_pair([folder, other], page)?;
+    print(&format!("{}\n", shown_path(page)))
 }
 
 /// Whether the page of results that are written was made; if not, says so.

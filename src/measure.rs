@@ -6,7 +6,7 @@ mod bottleneck;
 pub use ball::{
     BallDilatation, NotOntoBall, ball_dilatation, ball_fraction, measure_onto_ball, measure_onto_ball_until,
 };
-pub use bottleneck::{Bottleneck, bottleneck};
+pub use bottleneck::{Bottleneck, bottleneck, bottleneck_places};
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};

@@ -80,6 +80,25 @@ fn points_are_told_to_be_outside_row_by_row_and_other_columns_stay() {
 }
 
 #[test]
+fn what_one_direction_wrote_the_other_takes_back() {
+    let folder = cube();
+    let at = |name: &str| folder.path().join(name);
+    fs::write(at("in.csv"), "name,x,y,z\na,0.1,0.2,0.3\nb,2,0,0\nc,-0.7,0.6,0.1\n").unwrap();
+    for arguments in [["in.csv", "there.csv"], ["there.csv", "back.csv"], ["back.csv", "again.csv"]] {
+        let mut all = vec!["evaluate", "run", arguments[0], arguments[1]];
+        all.extend((arguments[0] == "there.csv").then_some("--inverse"));
+        let (code, out, err) = qcball(folder.path(), &all);
+        assert!(code == 0 && out.starts_with("3 points, 1 of them outside"), "{arguments:?}: {out}{err}");
+    }
+    let (header, rows) = table(&at("back.csv"));
+    assert_eq!(header[4..], ["image_x", "image_y", "image_z", "inside", "tet", "domain_x", "domain_y", "domain_z"]);
+    for row in [&rows[0], &rows[2]] {
+        // The inverse solves three equations in doubles.
+        assert!((0..3).all(|axis| (row[9 + axis] - row[1 + axis]).abs() < 1e-12), "{row:?}");
+    }
+}
+
+#[test]
 fn what_cannot_be_evaluated_is_refused_and_nothing_written() {
     let folder = cube();
     let at = |name: &str| folder.path().join(name);

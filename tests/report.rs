@@ -151,6 +151,11 @@ impl Browser {
 
     /// Opens a copy of a page in which `script`, the body of an async function, notes what it sees in `seen`.
     fn open(&self, page: &Path, script: &str) -> Seen {
+        self.open_at(1400, page, script)
+    }
+
+    /// The same in a window so many pixels wide.
+    fn open_at(&self, width: u32, page: &Path, script: &str) -> Seen {
         let folder = tempfile::tempdir().unwrap();
         let probe = format!(
             "<script type=\"module\">const root = document.documentElement;
@@ -171,7 +176,8 @@ impl Browser {
         let picture = folder.path().join("picture.png");
         let output = Command::new(&self.0)
             .args(["--headless", "--no-sandbox", "--disable-dev-shm-usage", "--hide-scrollbars"])
-            .args(["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--window-size=1400,1300"])
+            .args(["--use-angle=swiftshader", "--enable-unsafe-swiftshader"])
+            .arg(format!("--window-size={width},1300"))
             .args(["--virtual-time-budget=120000", "--dump-dom"])
             .arg(format!("--user-data-dir={}", folder.path().join("profile").display()))
             .arg(format!("--screenshot={}", picture.display()))
@@ -229,19 +235,49 @@ fn the_viewer_draws_cuts_and_changes_colours_in_a_browser() {
         const eye = (scene) => viewer.layout[scene].camera.eye;
         seen.middle = Number(viewer.dataset.triangles);
         const middle = await set('level', () => {});
-        const low = await set('level', (level) => { level.value = 2; });
+        const low = await set('level', (level) => { level.value = 20; });
         seen.low = Number(viewer.dataset.triangles);
         seen.highest = Math.max(...viewer.data[0].i.map((corner) => viewer.data[0].z[corner]));
         seen.at = document.getElementById('at').textContent;
         const whole = await set('axis', (axis) => { axis.value = ''; });
         seen.whole = Number(viewer.dataset.triangles);
-        await set('axis', (axis) => { axis.value = '0'; });
+        await set('axis', (axis) => { axis.value = '1 0 0'; });
         seen.cutsDiffer = new Set([middle, low, whole]).size;
         const pictures = new Set();
-        for (const name of ['k', 'inner', 'outer', 'start', 'active', 'place']) {
+        for (const name of ['k', 'vertex', 'inner', 'outer', 'start', 'active', 'place']) {
           pictures.add(await set('colour', (colour) => { colour.value = name; }));
         }
         seen.colourings = pictures.size;
+        // A cut across any direction: none of what is seen lies beyond it. The marks stay.
+        await set('axis', (axis) => { axis.value = 'own'; });
+        await set('direction', (direction) => { direction.value = '1, 2 -1'; });
+        seen.across = document.getElementById('at').textContent;
+        const [first] = viewer.data;
+        seen.beyond = Math.max(...first.x.map((x, at) => x + 2 * first.y[at] - first.z[at]));
+        seen.least = Math.min(...first.x.map((x, at) => x + 2 * first.y[at] - first.z[at]));
+        seen.marks = [viewer.data[1].x.length / 6, viewer.data[4].x.length / 6];
+        await set('colour', (colour) => { colour.value = 'place'; });
+        // Lines of the ball: those within the image have a radius of a tenth, or lie in a plane or cone of 15 degrees.
+        const plain = await set('lines', () => {});
+        const lined = await set('lines', (lines) => { lines.checked = true; });
+        seen.lines = plain !== lined;
+        const drawn = viewer.data[5];
+        const multiple = (value, of) => Math.abs(value / of - Math.round(value / of)) * of;
+        seen.off = Math.max(...drawn.x.map((x, at) => {
+          if (x === null) return 0;
+          const [y, z] = [drawn.y[at], drawn.z[at]];
+          const radius = Math.hypot(x, y, z);
+          const degrees = (angle) => (180 * angle) / Math.PI;
+          return Math.min(multiple(radius, 0.1), multiple(degrees(Math.atan2(y, x)), 15) / 60, multiple(degrees(Math.asin(z / radius)), 15) / 60);
+        }));
+        await set('lines', (lines) => { lines.checked = false; });
+        // The image of the start: inside, other places than the final ones.
+        const final = viewer.data[3].x;
+        await set('side', (side) => { side.value = '2'; });
+        seen.moved = viewer.data[3].x.filter((x, at) => Math.abs(x - final[at]) > 1e-3).length;
+        seen.titles = viewer.layout.annotations.map((one) => one.text);
+        await set('side', (side) => { side.value = '1'; });
+        await set('axis', (axis) => { axis.value = '1 0 0'; });
         // The opaque pixels of the viewer that are no greys.
         const vivid = async () => {
           const image = new Image();
@@ -270,11 +306,27 @@ fn the_viewer_draws_cuts_and_changes_colours_in_a_browser() {
         const shaded = await vivid();
         seen.active = [0, 3].map((index) => shaded.filter((pixel) => along(pixel, legend[index])).length).concat(shaded.length);
         seen.activeLegend = viewer.data.find((trace) => trace.showscale).colorbar.ticktext;
+        // K: shaded too, so the directions of the colours of the bar, with what lies between them.
         await set('colour', (colour) => { colour.value = 'k'; });
+        const ramp = viewer.data[0].colorscale.map(([, colour]) => [1, 3, 5].map((at) => parseInt(colour.slice(at, at + 2), 16)));
+        const byK = await vivid();
+        seen.k = [byK.filter((pixel) => ramp.some((colour) => along(pixel, colour))).length, byK.length];
+        seen.bar = viewer.data.filter((trace) => trace.showscale).length;
+        // What stands under the mouse.
+        const scene = viewer._fullLayout.scene._scene.glplot.canvas;
+        const middleOf = scene.getBoundingClientRect();
+        const said = document.getElementById('hover');
+        const atFirst = said.textContent;
+        // plotly.js looks what is there when it next draws.
+        for (let step = 0; step < 40 && said.textContent === atFirst; step++) {
+          scene.dispatchEvent(new MouseEvent('mousemove', { clientX: middleOf.x + middleOf.width / 2 + step, clientY: middleOf.y + middleOf.height / 2, bubbles: true }));
+          await pause();
+        }
+        seen.hover = said.textContent;
         await set('top', (top) => { top.value = 2; });
         seen.top = Math.exp(viewer.data[0].cmax);
         await set('top', (top) => { top.value = ''; });
-        await set('axis', (axis) => { axis.value = '0'; });
+        await set('axis', (axis) => { axis.value = '1 0 0'; });
         seen.words = viewer.data[0].text[0];
         const before = eye('scene').x;
         document.querySelector('[data-turn=\"15 0\"]').click();
@@ -296,15 +348,20 @@ fn the_viewer_draws_cuts_and_changes_colours_in_a_browser() {
         seen.wheel = [near0, distance('scene'), distance('scene2')];
         document.getElementById('reset').click();
         await pause();
-        seen.theme = [root.dataset.theme];
+        const look = () => [root.dataset.theme, getComputedStyle(document.body).backgroundColor, document.querySelector('#trace .lines path')?.style.stroke];
+        seen.theme = [look()];
         document.getElementById('theme').click();
-        seen.theme.push(root.dataset.theme);
+        await pause();
+        seen.theme.push(look());
         document.getElementById('theme').click();
         const named = [...document.querySelectorAll('button, select, input')];
         seen.unnamed = named.filter((one) => !one.textContent.trim() && !one.labels?.length && !one.ariaLabel && !one.dataset.title).map((one) => one.id);
         seen.charts = [...document.querySelectorAll('.chart')].map((one) => one.querySelectorAll('.trace').length);
         seen.box = viewer.getBoundingClientRect().toJSON();
-        await pause();
+        await set('axis', (axis) => { axis.value = ''; });
+        await set('colour', (colour) => { colour.value = 'k'; });
+        seen.barBox = viewer.querySelector('.colorbar .cbfills').getBoundingClientRect().toJSON();
+        seen.bars = viewer.querySelectorAll('.colorbar').length;
         ",
     );
     let probe = &seen.probe;
@@ -315,34 +372,121 @@ fn the_viewer_draws_cuts_and_changes_colours_in_a_browser() {
     // With a cut face in place of what is cut off: other triangles at each level.
     let shown = ["whole", "middle", "low"].map(|name| probe[name].as_u64().unwrap());
     assert!(shown[1] > 0 && shown[2] > 0 && HashSet::from(shown).len() == 3, "{probe}");
-    // The third of 15 planes across [-1, 1]; coordinates are stored in 65,535 steps of the extent 2.
-    assert_eq!(probe["at"], "z = -0.625");
-    assert!((probe["highest"].as_f64().unwrap() + 0.625).abs() < 2.0 / 65_535.0, "{probe}");
+    // A fifth of the way across [-1, 1]; coordinates are stored in 65,535 steps of the extent 2.
+    assert_eq!(probe["at"], "z = -0.600");
+    assert!((probe["highest"].as_f64().unwrap() + 0.6).abs() < 2.0 / 65_535.0, "{probe}");
     assert_eq!(probe["cutsDiffer"], 3, "{probe}");
-    assert_eq!(probe["colourings"], 6, "{probe}");
+    assert_eq!(probe["colourings"], 7, "{probe}");
+    // The direction that was put in, a fifth of the way from -4 to 4.
+    assert_eq!(probe["across"], "x + 2 y - z = -2.40", "{probe}");
+    let number = |name: &str| probe[name].as_f64().unwrap();
+    assert!((number("beyond") + 2.4).abs() < 1e-9 && number("least") < -3.9, "{probe}");
+    // All eight corners of the cube, beside what is cut off too, in both.
+    assert_eq!(probe["marks"], serde_json::json!([8, 8]), "{probe}");
+    // The triangles are not small: a radius between two points of one is not that of the point in between, by some (0.5)^2 / 8.
+    assert!(probe["lines"] == true && number("off") < 0.04, "{probe}");
+    assert!(
+        number("moved") > 10.0 && probe["titles"] == serde_json::json!(["domain", "image of the start"]),
+        "{probe}"
+    );
     // Pixels at the edges of triangles are mixtures: fewer than half of those seen. Colours times a scale are hardly ever another's.
     let count = |name: &str, index: usize| probe[name][index].as_u64().unwrap();
     assert!(count("place", 1) > 10_000 && 2 * count("place", 0) > count("place", 1), "{}", probe["place"]);
     let [rest, active, all] = [0, 1, 2].map(|index| count("active", index));
     // A tenth for the mark of the bottleneck, which has a colour of its own, and for mixtures.
     assert!(active > 50 && rest > 5_000 && 10 * (rest + active) > 9 * all, "{}", probe["active"]);
+    assert!(count("k", 1) > 10_000 && 10 * count("k", 0) > 9 * count("k", 1) && probe["bar"] == 1, "{}", probe["k"]);
+    assert!(probe["hover"].as_str().unwrap().contains("K_O"), "{}", probe["hover"]);
     assert_eq!(probe["activeLegend"], serde_json::json!(["other tets", "active tets"]));
     assert!(probe["placesLegend"] == true && (probe["top"].as_f64().unwrap() - 2.0).abs() < 1e-9, "{probe}");
     assert!(probe["words"].as_str().unwrap().contains("K_I"), "{probe}");
     assert!(probe["turned"] == true && probe["linked"] == true, "{probe}");
     let [before, domain, image] = [0, 1, 2].map(|index| probe["wheel"][index].as_f64().unwrap());
     assert!((domain - before).abs() > 0.1 * before && (domain - image).abs() < 1e-3 * image, "{probe}");
-    assert!(probe["theme"][0] != probe["theme"][1], "{probe}");
+    for what in 0..3 {
+        assert!(probe["theme"][0][what] != probe["theme"][1][what], "{}", probe["theme"]);
+    }
     assert_eq!(probe["unnamed"], serde_json::json!([]), "every control has a name");
     assert!(probe["charts"].as_array().unwrap().iter().all(|traces| traces.as_u64().unwrap() > 0), "{probe}");
+    // The bar in its colours, and one of it, after all that was chosen and both themes.
+    assert!(colours(&seen, &probe["barBox"]) > 50 && probe["bars"] == 1, "{}", colours(&seen, &probe["barBox"]));
     assert!(colours(&seen, &probe["box"]) > 50, "the viewer shows {} colours", colours(&seen, &probe["box"]));
+}
+
+#[test]
+fn two_runs_stand_side_by_side_in_one_range_of_colours() {
+    let folder = tempfile::tempdir().unwrap();
+    let [one, other] = ["one", "other"].map(|name| {
+        fs::create_dir(folder.path().join(name)).unwrap();
+        run(&folder.path().join(name), 1, if name == "one" { 3 } else { 4 }, 20)
+    });
+    let page = folder.path().join("both.html");
+    let both = [&one, &other, &page].map(|path| path.to_str().unwrap());
+    let (code, said) = qcball(&["report", both[0], both[1], "--out", both[2]]);
+    assert_eq!((code, said.trim_end()), (Some(0), both[2]));
+    let text = fs::read_to_string(&page).unwrap();
+    let record =
+        |folder: &Path| -> Value { serde_json::from_slice(&fs::read(folder.join("report.json")).unwrap()).unwrap() };
+    for k in [&one, &other].map(|folder| record(folder)["final"]["max_k"].as_f64().unwrap()) {
+        assert!(text.contains(&format!("<td class=\"number\">{k:.4}</td>")), "{k}");
+    }
+    // What was set otherwise, and nothing else.
+    let settings = text.split("id=\"settings\"").nth(1).unwrap().split("</table>").next().unwrap();
+    assert_eq!(settings.matches("<tr><td>").count(), 1, "{settings}");
+    assert!(settings.contains("<td>mesh.layers</td><td>3</td><td>4</td>"), "{settings}");
+    // A folder that holds no run is named.
+    let (code, said) = qcball(&["report", both[0], folder.path().to_str().unwrap()]);
+    assert!(code == Some(2) && said.contains("has no report.json"), "{said}");
+    let Some(browser) = Browser::find() else { return };
+    let seen = browser.open(
+        &page,
+        "
+        const viewer = document.getElementById('viewer');
+        seen.titles = viewer.layout.annotations.map((one) => one.text);
+        seen.tops = [0, 3, 6, 9].map((at) => viewer.data[at].cmax);
+        viewer.dispatchEvent(new KeyboardEvent('keydown', { key: '+' }));
+        await pause();
+        seen.eyes = ['scene', 'scene2', 'scene3', 'scene4'].map((id) => viewer._fullLayout[id]._scene.getCamera().eye.x);
+        seen.charts = [...document.querySelectorAll('.chart')].map((one) => one.querySelectorAll('.trace').length);
+        seen.box = viewer.getBoundingClientRect().toJSON();
+        ",
+    );
+    let probe = &seen.probe;
+    assert_eq!(probe["errors"], serde_json::json!([]), "{probe}");
+    assert_eq!(probe["titles"], serde_json::json!(["A: domain", "A: image", "B: domain", "B: image"]));
+    for name in ["tops", "eyes"] {
+        let all: Vec<f64> = serde_json::from_value(probe[name].clone()).unwrap();
+        assert!(all.iter().all(|one| (one - all[0]).abs() < 1e-9), "{probe}");
+    }
+    assert!(probe["charts"].as_array().unwrap().iter().all(|traces| traces.as_u64().unwrap() > 1), "{probe}");
+    assert!(colours(&seen, &probe["box"]) > 50);
+}
+
+#[test]
+fn a_narrow_window_has_the_image_below_the_domain_and_no_page_wider_than_it() {
+    let Some(browser) = Browser::find() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let look = "
+        seen.narrow = matchMedia('(max-width: 640px)').matches;
+        seen.width = [document.documentElement.scrollWidth, innerWidth];
+        seen.rooms = document.getElementById('viewer')?.layout.annotations.map((one) => one.y);
+    ";
+    // No window of Chromium is less than 500 wide: a frame in the page is.
+    for page in [run(folder.path(), 1, 3, 5), sweep(folder.path())].map(|folder| folder.join("report.html")) {
+        let seen = browser.open_at(500, &page, look).probe;
+        assert_eq!(seen["errors"], serde_json::json!([]));
+        assert!(seen["narrow"] == true && seen["width"][0].as_u64() <= seen["width"][1].as_u64(), "{seen}");
+        assert!(seen["rooms"].is_null() || seen["rooms"] == serde_json::json!([1, 0.5]), "{seen}");
+    }
 }
 
 #[test]
 fn the_table_of_a_sweep_sorts_and_filters_in_a_browser() {
     let Some(browser) = Browser::find() else { return };
     let folder = tempfile::tempdir().unwrap();
-    let page = sweep(folder.path()).join("report.html");
+    let made = sweep(folder.path());
+    assert_eq!(qcball(&["report", "--cases", made.to_str().unwrap()]).0, Some(0));
+    let page = made.join("report.html");
     let seen = browser.open(
         &page,
         "
@@ -364,11 +508,40 @@ fn the_table_of_a_sweep_sorts_and_filters_in_a_browser() {
         show('cube map.exponent>1');
         seen.filtered = read('domain.solid').concat(read('map.exponent'));
         seen.shown = document.getElementById('shown').textContent;
+        // The charts follow.
+        const points = () => document.querySelectorAll('#explorer .point').length;
+        const heat = () => [...document.querySelectorAll('#heat-table td')].map((cell) => cell.textContent);
+        seen.points = [points()];
+        seen.heat = [heat()];
         show('');
-        seen.points = document.querySelectorAll('#max-mean .point').length;
-        seen.multiples = document.querySelectorAll('.multiples .chart .trace').length;
-        seen.box = document.getElementById('max-mean').getBoundingClientRect().toJSON();
+        seen.points.push(points());
+        seen.heat.push(heat());
+        seen.along = [...document.querySelectorAll('#along .chart')].map((box) => box.querySelectorAll('.point').length);
+        const choose = (id, value) => {
+          const control = document.getElementById(id);
+          control.value = value;
+          control.dispatchEvent(new Event('input'));
+        };
+        seen.colouredBy = document.getElementById('colour-by').value;
+        seen.groups = document.querySelector('#explorer .chart').data.filter((trace) => trace.mode === 'markers').map((trace) => [trace.name, trace.marker.color]);
+        seen.links = document.querySelector('#explorer .chart').data.flatMap((trace) => trace.customdata ?? []);
+        choose('facet', 'domain.solid');
+        seen.facets = [...document.querySelectorAll('#explorer figcaption')].map((one) => one.textContent);
+        choose('facet', '');
+        choose('x', 'map.exponent');
+        choose('y', 'max_k');
+        seen.axes = ['xaxis', 'yaxis'].map((axis) => document.querySelector('#explorer .chart').layout[axis].title.text);
+        choose('colour-by', 'mean_k');
+        choose('colour-by', 'domain.solid');
+        choose('x', 'max_k');
+        choose('y', 'mean_k');
+        // No line of a front rises.
+        seen.rises = document.querySelector('#explorer .chart').data.filter((trace) => trace.mode === 'lines').map((trace) => trace.y.some((y, at) => at > 0 && y >= trace.y[at - 1]));
+        seen.hrefs = [...document.querySelectorAll('#cases a')].map((one) => one.getAttribute('href'));
         await pause();
+        scrollTo(0, 0);
+        await pause();
+        seen.box = document.querySelector('#explorer .chart').getBoundingClientRect().toJSON();
         ",
     );
     let probe = &seen.probe;
@@ -383,6 +556,25 @@ fn the_table_of_a_sweep_sorts_and_filters_in_a_browser() {
     assert!(names.is_sorted(), "{probe}");
     assert_eq!(probe["filtered"], serde_json::json!(["cube", "2"]));
     assert_eq!(probe["shown"], "1 of 6 cases");
-    assert!(probe["points"].as_u64().unwrap() > 6 && probe["multiples"] == 4, "{probe}");
+    // One case, and then six: in the chart, in the heat map of three solids and two exponents, and along both keys.
+    assert_eq!(probe["points"], serde_json::json!([1, 6]), "{probe}");
+    let filled = |at: usize| probe["heat"][at].as_array().unwrap().iter().filter(|cell| **cell != "").count();
+    assert_eq!((filled(0), filled(1), probe["heat"][1].as_array().unwrap().len()), (1, 6, 6), "{probe}");
+    let along: Vec<u64> = serde_json::from_value(probe["along"].clone()).unwrap();
+    assert!(along.len() >= 2 && along[..2] == [6, 6], "{probe}");
+    assert_eq!(probe["colouredBy"], "domain.solid");
+    let groups: Vec<(String, String)> = serde_json::from_value(probe["groups"].clone()).unwrap();
+    assert_eq!(groups.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>(), ["cube", "octahedron", "icosahedron"]);
+    assert_eq!(groups.iter().map(|(_, colour)| colour).collect::<HashSet<_>>().len(), 3, "{probe}");
+    assert_eq!(probe["facets"].as_array().unwrap().len(), 3, "{probe}");
+    assert_eq!(probe["axes"], serde_json::json!(["map.exponent", "max_k"]));
+    // A front for each solid.
+    assert_eq!(probe["rises"], serde_json::json!([false, false, false]), "{probe}");
+    // Links and points open the pages of the cases, which were made.
+    for links in ["links", "hrefs"] {
+        let links: Vec<String> = serde_json::from_value(probe[links].clone()).unwrap();
+        let opens = |link: &String| link.ends_with("/report.html") && made.join(link).is_file();
+        assert!(links.len() == 6 && links.iter().all(opens), "{links:?}");
+    }
     assert!(colours(&seen, &probe["box"]) > 1, "points and the front have colours of their own");
 }

@@ -367,3 +367,46 @@ fn what_another_revision_did_is_kept_and_told_and_renewed_on_request() {
     let kept = place.done("x").iter().filter(|&(path, identity)| before.get(path) == Some(identity)).count();
     assert_eq!(kept, 11);
 }
+
+#[test]
+fn cases_that_the_config_has_no_more_are_removed_on_request() {
+    let place = Place::with(TWELVE);
+    assert_eq!(place.call("sweep a.toml --out x --quiet").0, Some(0));
+    let before = place.done("x");
+    fs::write(place.path("x/cases/notes.txt"), "mine").unwrap();
+    let narrow = "--set sweep.grid.map.exponent=[1,2] --out x";
+    // Named, and then removed; the other six are those that there were.
+    let (code, said) = place.call(&format!("sweep a.toml {narrow} --prune --dry-run"));
+    assert!(code == Some(0) && said.matches("would be removed").count() == 6, "{said}");
+    assert_eq!(place.done("x"), before);
+    let (code, said) = place.call(&format!("sweep a.toml {narrow}"));
+    assert!(code == Some(0) && place.done("x") == before, "{said}");
+    let (code, said) = place.call(&format!("sweep a.toml {narrow} --prune"));
+    assert!(code == Some(0) && said.contains("6 cases that the config does not have were removed"), "{said}");
+    let after = place.done("x");
+    assert!(after.len() == 6 && after.iter().all(|one| before.get_key_value(one.0) == Some(one)), "{after:?}");
+    assert!(place.path("x/cases/notes.txt").is_file());
+}
+
+/// The committed sweep on meshes of a few tets: what is asked of sixty cases after a change of the program.
+#[test]
+fn sixty_cases_of_another_revision_are_indexed_and_not_computed_again() {
+    let place = Place::with(&fs::read_to_string("configs/sweep.toml").unwrap());
+    let small = "sweep a.toml --set mesh.subdivisions=1 --set mesh.layers=2 --set optimize.max_iterations=2 --out x";
+    assert_eq!(place.call(&format!("{small} --quiet")).0, Some(0));
+    for case in place.done("x").keys() {
+        let report = case.join("report.json");
+        let mut record: serde_json::Value = serde_json::from_slice(&fs::read(&report).unwrap()).unwrap();
+        record["revision"] = "of-old".into();
+        fs::write(&report, record.to_string()).unwrap();
+    }
+    let before = place.done("x");
+    assert_eq!(before.len(), 60);
+    for arguments in [small.to_string(), format!("{small} --index-only")] {
+        let (code, said) = place.call(&arguments);
+        assert!(code == Some(0) && said.contains("60 of them by another revision"), "{said}");
+        assert_eq!(place.done("x"), before);
+    }
+    let index = String::from_utf8(place.index("x")[1].clone()).unwrap();
+    assert_eq!(index.matches("\"revision\":\"of-old\"").count(), 60, "{index}");
+}

@@ -10,7 +10,7 @@ use super::output::{note, print};
 use super::{Ending, Failure};
 use crate::map::{Evaluator, EvaluatorError, Located, Onto, bijectivity};
 use crate::mesh::Vec3;
-use crate::mesh::io::{DataArray, Values, check_points_can_be_written, read_points, read_tet_file, shown_path};
+use crate::mesh::io::{DataArray, Values, check_points_can_be_written, read_points_under, read_tet_file, shown_path};
 use crate::report::read_corners;
 
 /// The map, the points and what to do with them.
@@ -18,7 +18,8 @@ use crate::report::read_corners;
 pub(crate) struct EvaluateArguments {
     /// The folder of a run, or another with a domain.vtu and an image.vtu.
     result: PathBuf,
-    /// The points: a .csv file with columns x, y and z, or the points of any mesh or surface file.
+    /// The points: a .csv file with columns x, y and z, or what this command wrote in the other direction, or the points of any mesh
+    /// or surface file.
     points: PathBuf,
     /// The file for the points and their images: .csv or .vtu.
     out: PathBuf,
@@ -59,7 +60,8 @@ pub(super) fn evaluate(arguments: &EvaluateArguments) -> Result<Ending, Failure>
         return Err(EvaluateFailure::NoMap { folder: folder.clone() }.into());
     }
     refuse_to_write_over([&domain, &image, points], [out])?;
-    let table = read_points(points)?;
+    // What one direction wrote is what the other reads.
+    let table = read_points_under(points, if *inverse { "image_" } else { "domain_" })?;
     let map = read_map(&domain, &image)?;
     let onto = match onto {
         Target::Polyhedron => Onto::Polyhedron,
@@ -83,7 +85,11 @@ pub(super) fn evaluate(arguments: &EvaluateArguments) -> Result<Ending, Failure>
             ));
         }
     }
-    let find = |point: &Vec3| if *inverse { evaluator.inverse(point) } else { evaluator.at(point) };
+    let find = |point: &Vec3| match (point.iter().all(|x| x.is_finite()), inverse) {
+        (false, _) => None,
+        (true, true) => evaluator.inverse(point),
+        (true, false) => evaluator.at(point),
+    };
     let found: Vec<Option<Located>> = table.points.par_iter().map(find).collect();
 
     let inside: Vec<bool> = found.iter().map(Option::is_some).collect();

@@ -25,7 +25,8 @@ const MOST_TASKS: usize = 1000;
 pub(crate) struct SweepArguments {
     /// A config with a table [sweep]; `qcball schema` describes its keys.
     config: PathBuf,
-    /// Override a key of the config for all cases, e.g. --set mesh.layers=4; may be given several times.
+    /// Override a key of the config for all cases, e.g. --set mesh.layers=4, or the values of one that is varied, e.g.
+    /// --set sweep.grid.mesh.layers=[2,4]; may be given several times.
     #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
     set: Vec<String>,
     /// The folder of the results instead of results/NAME.
@@ -49,6 +50,9 @@ pub(crate) struct SweepArguments {
     /// First remove what another revision of qcball did of these cases; its results are kept otherwise.
     #[arg(long, conflicts_with_all = ["dry_run", "fresh", "index_only", "emit"])]
     renew: bool,
+    /// First remove the cases of this folder that are none of the config's any more; with --dry-run only name them.
+    #[arg(long, conflicts_with_all = ["shard", "emit"])]
+    prune: bool,
     /// Only make the index anew from the folders of the cases.
     #[arg(long, conflicts_with_all = ["shard", "emit"])]
     index_only: bool,
@@ -78,9 +82,16 @@ pub(super) fn sweep(arguments: &SweepArguments, program: &Path) -> Result<Ending
     let cases: Vec<&Case> =
         sweep.cases.iter().filter(|case| arguments.shard.is_none_or(|shard| shard.holds(case))).collect();
     if arguments.dry_run {
-        return print(&list(&sweep, &cases, &folder));
+        let others = if arguments.prune { folder.others(&sweep.cases)? } else { Vec::new() };
+        let others: String =
+            others.iter().map(|id| format!("{id} would be removed: no case of the config\n")).collect();
+        return print(&(list(&sweep, &cases, &folder) + &others));
     }
     folder.prepare()?;
+    if arguments.prune {
+        let removed = folder.prune(&sweep.cases)?.len();
+        note(&format!("{removed} cases that the config does not have were removed"));
+    }
     if let Some(Queue::Slurm) = arguments.emit {
         return emit(arguments, program, &sweep, &folder);
     }

@@ -1,5 +1,6 @@
 //! The text of a config with the overrides of the command line, and the way back from a key to its place.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::io;
 use std::ops::Range;
@@ -149,6 +150,24 @@ impl ConfigSource {
         blake3::hash(canonical.as_bytes()).to_hex().to_string()
     }
 
+    /// The merged keys, their parts joined by dots, and their values in TOML; without `name` and `sweep`.
+    pub fn settings(&self) -> BTreeMap<String, String> {
+        fn flatten(prefix: &str, table: &toml::Table, into: &mut BTreeMap<String, String>) {
+            for (key, value) in table {
+                match value.as_table() {
+                    Some(inner) => flatten(&format!("{prefix}{key}."), inner, into),
+                    None => drop(into.insert(format!("{prefix}{key}"), value.to_string())),
+                }
+            }
+        }
+        let mut table = self.merged.clone();
+        table.remove("name");
+        table.remove("sweep");
+        let mut settings = BTreeMap::new();
+        flatten("", &table, &mut settings);
+        settings
+    }
+
     fn apply(&mut self, typed: &str) -> Result<Config, ConfigError> {
         let refused = |message: String, help: String| ConfigError::Override { assignment: typed.into(), message, help };
         let form = || "write --set key.path=value, for example --set mesh.layers=4".to_string();
@@ -158,7 +177,20 @@ impl ConfigSource {
         if key.iter().any(String::is_empty) {
             return Err(refused("a part of the key is empty".into(), form()));
         }
+        let key = self.spelled(key);
         self.insert(Override { typed: typed.into(), key, place: None }, value_of(value))
+    }
+
+    /// A key, one that a sweep varies in the spelling of the file, which may have it whole between quotes.
+    fn spelled(&self, key: Vec<String>) -> Vec<String> {
+        let [sweep, axes, varied @ ..] = &key[..] else { return key };
+        let whole = varied.join(".");
+        let table = self.merged.get(sweep).filter(|_| sweep == "sweep").and_then(|sweep| sweep.get(axes)?.as_table());
+        if table.is_some_and(|table| table.contains_key(&whole)) {
+            vec![sweep.clone(), axes.clone(), whole]
+        } else {
+            key
+        }
     }
 
     /// Sets a key; the config is then checked for known keys and right types.

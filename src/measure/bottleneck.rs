@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Measured;
 use crate::domain::Domain;
-use crate::mesh::{BoundaryEdges, Features, Place, TetId, Vec3, VertexId};
+use crate::mesh::{Boundary, BoundaryEdges, Features, Place, TetId, TetMesh, Vec3, VertexId};
 
 /// Cells within this fraction of the largest K count as active: at an optimum several cells tie up to the optimizer's
 /// tolerance, and one of them may be less telling than its neighbour.
@@ -36,6 +36,69 @@ enum Rank {
     Face(usize),
 }
 
+/// The features of a domain's boundary, and for each vertex the sharpest at it.
+struct Sharpest<'a> {
+    mesh: &'a TetMesh,
+    boundary: &'a Boundary,
+    edges: BoundaryEdges,
+    features: Features,
+    at: Vec<Option<Rank>>,
+}
+
+impl<'a> Sharpest<'a> {
+    fn of(mesh: &'a TetMesh, boundary: &'a Boundary) -> Self {
+        let edges = BoundaryEdges::of(mesh, boundary);
+        let features = Features::of(mesh, boundary, &edges);
+        let mut at: Vec<Option<Rank>> = vec![None; mesh.points().len()];
+        let mut offer = |vertex: VertexId, rank: Rank| {
+            let slot = &mut at[vertex.index()];
+            *slot = Some(slot.map_or(rank, |best| best.min(rank)));
+        };
+        for (index, triangle) in boundary.triangles().iter().enumerate() {
+            for &vertex in triangle {
+                offer(vertex, if features.is_corner(vertex) { Rank::Corner(vertex) } else { Rank::Face(index) });
+            }
+        }
+        for (index, edge) in edges.edges().iter().enumerate().filter(|&(index, _)| features.sharp_edges()[index]) {
+            edge.ends.iter().for_each(|&end| offer(end, Rank::SharpEdge(index)));
+        }
+        Self { mesh, boundary, edges, features, at }
+    }
+
+    /// The features of the sharpest kind on which cells sit, each with its cell of lowest index.
+    fn under(&self, cells: &[TetId]) -> Vec<(Rank, TetId)> {
+        let mut found: Vec<(Rank, TetId)> = cells
+            .iter()
+            .filter_map(|&tet| {
+                let corners = self.mesh.tets()[tet.index()];
+                let best = corners.iter().filter_map(|v| self.at[v.index()]).min()?;
+                let own = own_sharp_edge(&corners, &self.edges, &self.features);
+                Some((own.map_or(best, |own| preferred(best, own)), tet))
+            })
+            .collect();
+        found.sort_unstable();
+        found.dedup_by_key(|(rank, _)| *rank);
+        let kind = found.first().map(|(rank, _)| discriminant(rank));
+        found.retain(|(rank, _)| Some(discriminant(rank)) == kind);
+        found
+    }
+
+    fn place(&self, rank: Rank) -> Place {
+        match rank {
+            Rank::Corner(vertex) => Place::vertex(self.mesh, vertex),
+            Rank::SharpEdge(index) => Place::edge(self.mesh, self.edges.edges()[index].ends),
+            Rank::Face(index) => Place::face(self.mesh, self.boundary.triangles()[index]),
+        }
+    }
+}
+
+/// All features on which active cells sit, of the kind of the one that [`bottleneck`] names, which is the first; none if the
+/// cells are inside.
+pub fn bottleneck_places(mesh: &TetMesh, boundary: &Boundary, active: &[TetId]) -> Vec<Place> {
+    let sharpest = Sharpest::of(mesh, boundary);
+    sharpest.under(active).into_iter().map(|(rank, _)| sharpest.place(rank)).collect()
+}
+
 /// The sharpest feature of the domain on which an active cell sits: a corner among the vertices of an active cell, else a
 /// sharp edge at one of its vertices (rather one of the cell's own edges), else a boundary triangle at one of them.
 /// [`Features`] defines corner and sharp.
@@ -43,41 +106,18 @@ enum Rank {
 /// If no active cell touches the boundary, the feature at the boundary vertex nearest to the centroid of the worst cell.
 /// `None` only for a mesh without boundary vertices.
 pub fn bottleneck(domain: &Domain, measured: &Measured) -> Option<Bottleneck> {
-    let (mesh, boundary) = (domain.mesh(), domain.boundary());
-    let edges = BoundaryEdges::of(mesh, boundary);
-    let features = Features::of(mesh, boundary, &edges);
-    let mut sharpest: Vec<Option<Rank>> = vec![None; mesh.points().len()];
-    let mut offer = |vertex: VertexId, rank: Rank| {
-        let slot = &mut sharpest[vertex.index()];
-        *slot = Some(slot.map_or(rank, |best| best.min(rank)));
-    };
-    for (index, triangle) in boundary.triangles().iter().enumerate() {
-        for &vertex in triangle {
-            offer(vertex, if features.is_corner(vertex) { Rank::Corner(vertex) } else { Rank::Face(index) });
-        }
-    }
-    for (index, edge) in edges.edges().iter().enumerate().filter(|&(index, _)| features.sharp_edges()[index]) {
-        edge.ends.iter().for_each(|&end| offer(end, Rank::SharpEdge(index)));
-    }
-
+    let mesh = domain.mesh();
+    let sharpest = Sharpest::of(mesh, domain.boundary());
     let active = measured.active(ACTIVE);
-    let mut at_boundary: Vec<(Rank, TetId)> = active
-        .iter()
-        .filter_map(|&tet| {
-            let corners = mesh.tets()[tet.index()];
-            let best = corners.iter().filter_map(|v| sharpest[v.index()]).min()?;
-            Some((own_sharp_edge(&corners, &edges, &features).map_or(best, |own| preferred(best, own)), tet))
-        })
-        .collect();
-    at_boundary.sort_unstable();
-    at_boundary.dedup_by_key(|(rank, _)| *rank);
-    let (rank, tet, interior) = match at_boundary.first().copied() {
+    let found = sharpest.under(&active);
+    let (rank, tet, interior) = match found.first().copied() {
         Some((rank, tet)) => (rank, tet, false),
         None => {
             let (tet, _) =
                 (0..).map(TetId).zip(&measured.dilatations).reduce(|a, b| if b.1.k() > a.1.k() { b } else { a })?;
             let centroid = mesh.corners(tet).iter().sum::<Vec3>() / 4.0;
             let nearest = sharpest
+                .at
                 .iter()
                 .zip(mesh.points())
                 .filter_map(|(rank, point)| Some(((*rank)?, (point - centroid).norm_squared())))
@@ -85,13 +125,8 @@ pub fn bottleneck(domain: &Domain, measured: &Measured) -> Option<Bottleneck> {
             (nearest.0, tet, true)
         }
     };
-    let place = match rank {
-        Rank::Corner(vertex) => Place::vertex(mesh, vertex),
-        Rank::SharpEdge(index) => Place::edge(mesh, edges.edges()[index].ends),
-        Rank::Face(index) => Place::face(mesh, boundary.triangles()[index]),
-    };
-    let alike = at_boundary.iter().filter(|(other, _)| discriminant(other) == discriminant(&rank)).count();
-    Some(Bottleneck { place, interior, tet, active: active.len(), places: alike.max(1) })
+    let (place, places) = (sharpest.place(rank), found.len().max(1));
+    Some(Bottleneck { place, interior, tet, active: active.len(), places })
 }
 
 /// The first sharp boundary edge that is an edge of the cell itself.
@@ -147,6 +182,9 @@ mod tests {
         let domain = domain();
         let found = bottleneck(&domain, &measure(&domain, domain.mesh().points())).unwrap();
         assert_eq!((found.active, found.places), (domain.mesh().tets().len(), 8));
+        let all: Vec<TetId> = (0..domain.mesh().tets().len() as u32).map(TetId).collect();
+        let places = bottleneck_places(domain.mesh(), domain.boundary(), &all);
+        assert_eq!((places.len(), &places[0]), (8, &found.place));
     }
 
     #[test]

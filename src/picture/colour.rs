@@ -61,7 +61,21 @@ pub(super) struct Scale {
     high: f64,
     logarithmic: bool,
     gradient: Gradient,
-    reversed: bool,
+    /// The parts of the gradient at the ends of the range.
+    ends: [f64; 2],
+}
+
+/// The colours of dilatations, here and in the pages of runs: for the colour-blind too, rising in lightness, and without the ends
+/// of the gradient, which do not stand out from a dark or a light page.
+const DILATATION: (Gradient, [f64; 2]) = (colorous::PLASMA, [0.24, 0.77]);
+
+/// So many colours of dilatations as `#rrggbb`, from the lowest to the highest, evenly spaced.
+pub(crate) fn dilatation_colours(count: usize) -> Vec<String> {
+    let (gradient, ends) = DILATATION;
+    let scale = Scale { low: 0.0, high: 1.0, logarithmic: false, gradient, ends };
+    let colour =
+        |index: usize| scale.colour(index as f64 / (count - 1) as f64).map(|part| (255.0 * part).round() as u8);
+    (0..count).map(colour).map(|[red, green, blue]| format!("#{red:02x}{green:02x}{blue:02x}")).collect()
 }
 
 impl Scale {
@@ -76,8 +90,8 @@ impl Scale {
 
     /// The colour at a part of the range, cut off at its ends.
     pub(super) fn colour(&self, part: f64) -> [f64; 3] {
-        let part = if self.reversed { 1.0 - part } else { part };
-        let colour = self.gradient.eval_continuous(part.clamp(0.0, 1.0));
+        let [low, high] = self.ends;
+        let colour = self.gradient.eval_continuous(low + (high - low) * part.clamp(0.0, 1.0));
         [colour.r, colour.g, colour.b].map(|part| f64::from(part) / 255.0)
     }
 
@@ -165,15 +179,15 @@ fn scale(colour: Colour, figures: &Figures) -> Option<Scale> {
     let largest = finite().fold(f64::NEG_INFINITY, f64::max);
     match colour {
         Colour::K | Colour::KInner | Colour::KOuter => {
-            let gradient = colorous::YELLOW_ORANGE_RED;
+            let (gradient, ends) = DILATATION;
             // Where every cell is a similarity, a range all the same. A few large K shall not leave one colour to all others.
             let high = largest.max(1.001);
-            Some(Scale { low: 1.0, high, logarithmic: high > 10.0, gradient, reversed: false })
+            Some(Scale { low: 1.0, high, logarithmic: high > 10.0, gradient, ends })
         }
         Colour::Jacobian => {
             let least = finite().fold(f64::INFINITY, f64::min);
             let (low, high) = if largest > least { (least, largest) } else { (0.5, 2.0) };
-            Some(Scale { low, high, logarithmic: true, gradient: colorous::VIRIDIS, reversed: false })
+            Some(Scale { low, high, logarithmic: true, gradient: colorous::VIRIDIS, ends: [0.0, 1.0] })
         }
         Colour::Domain => None,
         Colour::Curvature => {
@@ -181,12 +195,36 @@ fn scale(colour: Colour, figures: &Figures) -> Option<Scale> {
             sizes.sort_unstable_by(f64::total_cmp);
             // A sharp edge's H grows without bound as the mesh gets finer: it shall not take the whole range.
             let high = sizes.get(sizes.len() * 9 / 10).copied().unwrap_or(1.0);
-            Some(Scale { low: -high, high, logarithmic: false, gradient: colorous::RED_BLUE, reversed: true })
+            Some(Scale { low: -high, high, logarithmic: false, gradient: colorous::RED_BLUE, ends: [1.0, 0.0] })
         }
         Colour::Dihedral => {
             let width = finite().map(|angle| (angle - 180.0).abs()).fold(FLAT, f64::max);
             let (low, high) = (180.0 - width, 180.0 + width);
-            Some(Scale { low, high, logarithmic: false, gradient: colorous::RED_BLUE, reversed: false })
+            Some(Scale { low, high, logarithmic: false, gradient: colorous::RED_BLUE, ends: [0.0, 1.0] })
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The relative luminance of a colour, WCAG 2.2.
+    fn luminance(colour: &str) -> f64 {
+        let part = |at: usize| f64::from(u8::from_str_radix(&colour[at..at + 2], 16).unwrap()) / 255.0;
+        let linear = |x: f64| if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) };
+        0.2126 * linear(part(1)) + 0.7152 * linear(part(3)) + 0.0722 * linear(part(5))
+    }
+
+    #[test]
+    fn the_colours_of_dilatations_rise_in_lightness_and_stand_out_from_dark_and_light() {
+        let colours: Vec<f64> = dilatation_colours(17).iter().map(|colour| luminance(colour)).collect();
+        assert!(colours.is_sorted(), "{colours:?}");
+        // What is behind them in the pages (page.css) and in pictures.
+        for behind in ["#171d24", "#f6f8fa", "#ffffff"].map(luminance) {
+            let contrast = |one: f64| (one.max(behind) + 0.05) / (one.min(behind) + 0.05);
+            let least = colours.iter().map(|&one| contrast(one)).fold(f64::INFINITY, f64::min);
+            assert!(least > 1.9, "{least}");
         }
     }
 }

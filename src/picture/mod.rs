@@ -11,6 +11,7 @@ mod raster;
 mod sheet;
 
 pub use colour::Colour;
+pub(crate) use colour::dilatation_colours;
 pub use cut::Cut;
 pub use data::BoundaryFigures;
 

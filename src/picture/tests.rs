@@ -50,12 +50,15 @@ fn a_map_of_constant_k_has_one_colour_up_to_light() {
         let picture =
             Picture::draw((&mesh).into(), mesh.points(), Some(&image), &settings(colour, &[[0.0, 0.0, 1.0, 0.1]]))
                 .unwrap();
-        // The end of the bar is (128, 0, 38) before light.
-        let dark = (0..2 * PANEL * PANEL).filter(|i| {
-            let [red, green, _] = picture.sheet.pixel(i % (2 * PANEL), i / (2 * PANEL));
-            green < 12 && red > 30
+        // Light changes the length of a colour, not its direction.
+        let direction = |colour: [f64; 3]| Vec3::from(colour).normalize();
+        let end = &dilatation_colours(2)[1];
+        let end = direction([1, 3, 5].map(|at| f64::from(u8::from_str_radix(&end[at..at + 2], 16).unwrap())));
+        let of_end = (0..2 * PANEL * PANEL).filter(|i| {
+            let pixel = picture.sheet.pixel(i % (2 * PANEL), i / (2 * PANEL)).map(f64::from);
+            pixel[0] > 40.0 && (direction(pixel) - end).norm() < 0.03
         });
-        assert!(dark.count() > PANEL * PANEL / 4);
+        assert!(of_end.count() > PANEL * PANEL / 4);
     }
 }
 

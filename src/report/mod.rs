@@ -15,7 +15,7 @@ pub use figures::{
     BallFigures, BestBound, CornerFigures, DistortionFigures, DomainFigures, MapFigures, RefinedFigures,
     RefinementFigures, Splits, UntanglingFigures,
 };
-pub use html::{PageError, ShownMap, page_of_map, write_pages, write_pages_of};
+pub use html::{PageError, ShownMap, page_of_map, write_case_pages, write_pages, write_pages_of, write_pair};
 pub use limit::{Limit, LimitedBy};
 pub(crate) use results::{CellRow, FILES, HALVED, HalvedRow, INCOMPLETE, START, trace_hash};
 pub use results::{MapRecord, write_certificate, write_results, write_trace};

@@ -19,6 +19,8 @@ const FULL: f64 = 0.9;
 /// K onto the ball over K beyond which the image is too coarse somewhere for K to say much of a map onto the ball; surfaces that are refined
 /// by themselves end at 1.25 or little more.
 const COARSE: f64 = 3.0;
+/// The final largest K over that of the start beyond which a reader is told: more than the polish may spend.
+const RISEN: f64 = 1.001;
 /// What may help tets that resist untangling.
 const REFINE: &str = "refine the mesh there";
 
@@ -65,7 +67,8 @@ pub fn summary(report: &Report) -> String {
         report.distortion.map(|distortion| distortion_in_words(distortion, report)).unwrap_or_default(),
         labelled("bijective", &bijective),
         labelled("stopped", &stop_in_words(report.achieved.stop, report.achieved.iterations)),
-        format!("\n{}", bounds_table(&report.achieved.bounds, report.achieved.best, &report.achieved.limit)),
+        risen_warning(&report.achieved),
+        format!("\n{}", bounds_in_short(&report.achieved)),
         ball_lines(&report.achieved.ball, Some(&report.achieved.initial), &report.achieved.last),
         report.warnings.iter().map(|warning| labelled("warning", warning)).collect(),
     ];
@@ -228,6 +231,7 @@ pub fn map_summary(report: &MapReport) -> String {
             &format!("{} tet{} within 0.1 % of the max K", report.achieved.active, s(report.achieved.active)),
         ),
         labelled("stopped", &stop_in_words(report.achieved.stop, report.achieved.iterations)),
+        risen_warning(&report.achieved),
         time_line(report.achieved.times),
         format!("\n{bounds}"),
         ball_lines(&report.achieved.ball, Some(&report.achieved.initial), &report.achieved.last),
@@ -326,8 +330,30 @@ pub(crate) fn ball_lines(ball: &BallFigures, start: Option<&Summary>, last: &Sum
     labelled("onto ball", &text) + &bracket.unwrap_or_default()
 }
 
+/// The same of a run, with those that do not apply counted only, if any does.
+fn bounds_in_short(achieved: &Achieved) -> String {
+    let Achieved { bounds, best, limit, .. } = achieved;
+    let (applying, others): (Vec<LowerBound>, Vec<LowerBound>) =
+        bounds.iter().cloned().partition(|bound| bound.applies);
+    if applying.is_empty() || others.is_empty() {
+        return bounds_table(bounds, *best, limit);
+    }
+    let count = others.len();
+    let does = if count == 1 { "does" } else { "do" };
+    let others = format!("{count} more {does} not apply to this map; report.json tells why");
+    bounds_list(&applying) + &labelled("", &others) + &best_and_limit(*best, limit)
+}
+
 /// The bounds, those that apply and the largest first, what the best of them says, and what limits K.
 pub(crate) fn bounds_table(bounds: &[LowerBound], best: BestBound, limit: &Limit) -> String {
+    bounds_list(bounds) + &best_and_limit(best, limit)
+}
+
+fn best_and_limit(best: BestBound, limit: &Limit) -> String {
+    labelled("best bound", &best_in_words(best)) + &labelled("limit", &limit.sentence)
+}
+
+fn bounds_list(bounds: &[LowerBound]) -> String {
     let mut bounds: Vec<&LowerBound> = bounds.iter().collect();
     bounds.sort_by(|a, b| b.applies.cmp(&a.applies).then(b.value.total_cmp(&a.value)));
     let mut text = format!("{:<18}{:>16}  {:<20}applies\n", "lower bound", "value", "for which maps");
@@ -349,7 +375,22 @@ pub(crate) fn bounds_table(bounds: &[LowerBound], best: BestBound, limit: &Limit
             text.push_str(&labelled("", &bound.reason));
         }
     }
-    text + &labelled("best bound", &best_in_words(best)) + &labelled("limit", &limit.sentence)
+    text
+}
+
+/// What is said where the largest K is not what was lowered.
+fn risen_warning(achieved: &Achieved) -> String {
+    let (start, last) = (achieved.initial.max_k, achieved.last.max_k);
+    if last <= RISEN * start {
+        return String::new();
+    }
+    let text = format!(
+        "the largest K rose from the start's {} to {}: a soft maximum weighs it against all other tets, and a large optimize.rise \
+         against the mean; optimize.objective = \"max\" lowers it",
+        number(start),
+        number(last)
+    );
+    labelled("warning", &text)
 }
 
 fn best_in_words(best: BestBound) -> String {

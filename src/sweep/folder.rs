@@ -1,9 +1,11 @@
 //! The folder of a sweep: one folder below `cases/` for each case that came to an end.
 
+use std::collections::{BTreeSet, HashSet};
 use std::fs::{self, File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
 
+use super::{Case, ID_LETTERS};
 use crate::mesh::io::{WriteError, check_folder_is_writable, write_atomically};
 
 /// The one file of a failed case.
@@ -118,6 +120,43 @@ impl SweepFolder {
     /// The folder that could not be removed.
     pub fn forget(&self, id: &str) -> Result<(), WriteError> {
         [State::Done, State::Failed, State::Incomplete].into_iter().try_for_each(|state| self.remove(id, state))
+    }
+
+    /// The ids of the cases that stand here and that are none of these, in their order.
+    ///
+    /// # Errors
+    /// The folder that cannot be read.
+    pub fn others(&self, cases: &[Case]) -> Result<Vec<String>, WriteError> {
+        let folder = self.cases();
+        let entries = match fs::read_dir(&folder) {
+            Ok(entries) => entries,
+            Err(source) if source.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
+            Err(source) => return Err(WriteError::new(&folder, source)),
+        };
+        let known: HashSet<&str> = cases.iter().map(|case| case.id.as_str()).collect();
+        let names = entries.flatten().filter_map(|entry| entry.file_name().into_string().ok());
+        // Folders of other names are the user's.
+        let ids = names.filter_map(|name| {
+            let id = name.split_once('-').map_or(name.as_str(), |(id, _)| id);
+            let ours = id.len() == ID_LETTERS && id.bytes().all(|byte| byte.is_ascii_hexdigit());
+            (ours && !known.contains(id) && self.state(id) != State::Missing).then(|| id.to_string())
+        });
+        Ok(ids.collect::<BTreeSet<String>>().into_iter().collect())
+    }
+
+    /// Removes the cases that stand here and that are none of these, but for those that a process is at, and returns their ids.
+    ///
+    /// # Errors
+    /// The folder that could not be read or removed.
+    pub fn prune(&self, cases: &[Case]) -> Result<Vec<String>, WriteError> {
+        let mut removed = Vec::new();
+        for id in self.others(cases)? {
+            if let Some(_taken) = self.take(&id)? {
+                self.forget(&id)?;
+                removed.push(id);
+            }
+        }
+        Ok(removed)
     }
 
     fn remove(&self, id: &str, state: State) -> Result<(), WriteError> {

@@ -232,8 +232,10 @@ fn difference(name: &str, there: &[u8], expected: &[u8]) -> String {
     let lines =
         |text: &'_ str| text.split('\n').map(|line| line.chars().take(SHOWN).collect()).collect::<Vec<String>>();
     let [there, expected] = [there_text, expected_text].map(lines);
-    let line = there.iter().zip(&expected).position(|(a, b)| a != b).unwrap_or(there.len().min(expected.len()));
-    let show = |lines: &[String]| lines.get(line).map_or_else(|| "nothing".into(), |line| format!("{line:?}"));
+    let Some(line) = (0..there.len().max(expected.len())).find(|&line| there.get(line) != expected.get(line)) else {
+        return format!("{words}: a line differs from it beyond its first {SHOWN} characters");
+    };
+    let show = |lines: &[String]| lines.get(line).map_or_else(|| "not there".into(), |line| format!("{line:?}"));
     format!("{words}: line {} is {}, but should be {}", line + 1, show(&there), show(&expected))
 }
 

@@ -30,6 +30,15 @@ fn grids_are_products_in_the_order_of_the_file() {
 }
 
 #[test]
+fn an_override_replaces_the_values_of_a_key_in_its_place_whichever_way_the_file_spells_it() {
+    let text = "[sweep.grid]\n\"map.exponent\" = [0.5, 1]\nmesh.layers = [3, 2]";
+    let overrides = ["sweep.grid.map.exponent=[2]", "sweep.grid.mesh.layers={ from = 4, to = 5, step = 1 }"];
+    assert_eq!(cases(text, &overrides), ["map.exponent=2, mesh.layers=4", "map.exponent=2, mesh.layers=5"]);
+    // And brings in a key that the file does not vary.
+    assert_eq!(cases("", &["sweep.grid.map.exponent=[1,2]"]), ["map.exponent=1", "map.exponent=2"]);
+}
+
+#[test]
 fn zipped_keys_go_together_and_seeds_vary_fastest() {
     let text = "[sweep]\nseeds = 2\n[sweep.zip]\n\"mesh.layers\" = [1, 2]\n\"mesh.subdivisions\" = { from = 3, to = 5, step = 2 }\n\
                 [sweep.grid]\n\"map.exponent\" = [2]";

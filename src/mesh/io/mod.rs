@@ -31,7 +31,7 @@ pub use cells::{CellData, TetFile};
 pub use format::{SurfaceFormat, TetFormat};
 pub use medit::{read_medit, write_medit};
 #[cfg(feature = "cli")]
-pub use points::{PointTable, check_points_can_be_written, read_points};
+pub use points::{PointTable, check_points_can_be_written, read_points, read_points_under};
 pub use vtk::{DataArray, Values, write_hexahedra_vtu, write_points_vtu, write_surface_vtu, write_vtu};
 pub use write::{check_surface_can_be_written, check_tets_can_be_written, write_surface, write_tets};
 

@@ -29,8 +29,16 @@ pub struct PointTable {
 /// # Errors
 /// [`ReadError`], with the path and, where the format allows it, the line.
 pub fn read_points(path: &Path) -> Result<PointTable, ReadError> {
+    read_points_under(path, "")
+}
+
+/// The same, but of a `.csv` file that has columns with these names behind `prefix` those, as `qcball evaluate` writes them. Its other columns are then left out. A row that has none of the three is a point of NaN.
+///
+/// # Errors
+/// As [`read_points`].
+pub fn read_points_under(path: &Path, prefix: &str) -> Result<PointTable, ReadError> {
     if ending_of(path) == "csv" {
-        return read_csv(path);
+        return read_csv(path, prefix);
     }
     let (points, tets) = match read_solid(path)? {
         SolidFile::Surface(soup) => (soup.points, Vec::new()),
@@ -44,7 +52,11 @@ pub fn read_points(path: &Path) -> Result<PointTable, ReadError> {
     Ok(PointTable { points, tets, header: ["x", "y", "z"].map(String::from).to_vec(), rows })
 }
 
-fn read_csv(path: &Path) -> Result<PointTable, ReadError> {
+/// What [`read_points_under`] leaves out but for the columns that it reads: what was said of other points.
+const OF_OTHERS: [&str; 8] =
+    ["inside", "tet", "image_x", "image_y", "image_z", "domain_x", "domain_y", "domain_z"];
+
+fn read_csv(path: &Path, prefix: &str) -> Result<PointTable, ReadError> {
     let malformed = |line, message| ReadError::Malformed { path: path.into(), line, message };
     let broken = |error: csv::Error| {
         let line = error.position().map(|position| position.line() as usize);
@@ -66,12 +78,24 @@ fn read_csv(path: &Path) -> Result<PointTable, ReadError> {
             malformed(Some(1), message)
         })
     };
-    let columns = [column("x")?, column("y")?, column("z")?];
+    let names = ["x", "y", "z"];
+    let prefixed = names.map(|name| header.iter().position(|column| *column == format!("{prefix}{name}")));
+    let (columns, under) = match prefixed {
+        [Some(x), Some(y), Some(z)] if !prefix.is_empty() => ([x, y, z], true),
+        _ => ([column("x")?, column("y")?, column("z")?], false),
+    };
+    let kept: Vec<usize> =
+        (0..header.len()).filter(|at| !under || columns.contains(at) || !OF_OTHERS.contains(&header[*at].as_str())).collect();
     let (mut points, mut rows) = (Vec::new(), Vec::new());
     for record in reader.records() {
         let record = record.map_err(broken)?;
         let line = record.position().map(|position| position.line() as usize);
         let mut point = Vec3::zeros();
+        if under && columns.iter().all(|&column| record[column].is_empty()) {
+            points.push(Vec3::repeat(f64::NAN));
+            rows.push(kept.iter().map(|&at| record[at].to_string()).collect());
+            continue;
+        }
         for (coordinate, column) in point.iter_mut().zip(columns) {
             let text = &record[column];
             let number = text.parse().ok().filter(|number: &f64| number.is_finite());
@@ -79,8 +103,9 @@ fn read_csv(path: &Path) -> Result<PointTable, ReadError> {
                 .ok_or_else(|| malformed(line, format!("{} is {text:?}; give it a finite number", header[column])))?;
         }
         points.push(point);
-        rows.push(record.iter().map(String::from).collect());
+        rows.push(kept.iter().map(|&at| record[at].to_string()).collect());
     }
+    let header = kept.iter().map(|&at| header[at].clone()).collect();
     Ok(PointTable { points, tets: Vec::new(), header, rows })
 }
 

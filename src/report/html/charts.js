@@ -12,6 +12,16 @@ function colours() {
   return { text, line, dim, tools: { bgcolor: "rgba(0,0,0,0)", color: dim, activecolor: text } };
 }
 
+// Traces in the colours of the theme, for the series whose number they carry.
+function coloured(traces) {
+  const style = getComputedStyle(root);
+  return traces.map((trace) => {
+    if (trace.meta === undefined) return trace;
+    const color = style.getPropertyValue(`--series-${trace.meta}`).trim();
+    return { ...trace, line: { ...trace.line, color }, marker: { ...trace.marker, color } };
+  });
+}
+
 function themed(layout) {
   const { text, line, tools } = colours();
   const axis = { gridcolor: line, linecolor: line, zerolinecolor: line };
@@ -41,7 +51,7 @@ document.getElementById("theme").addEventListener("click", () => setTheme(root.d
 async function drawCharts() {
   for (const [id, { data, layout }] of Object.entries(charts)) {
     const small = document.getElementById(id).closest(".multiples") !== null;
-    const draw = () => Plotly.react(id, data, themed(layout), { ...settings, displayModeBar: small || narrow.matches ? false : "hover" });
+    const draw = () => Plotly.react(id, coloured(data), themed(layout), { ...settings, displayModeBar: small || narrow.matches ? false : "hover" });
     await new Promise((done) => setTimeout(done));
     drawn.push(draw);
     draw();

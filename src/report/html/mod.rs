@@ -3,10 +3,11 @@
 
 mod chart;
 mod page;
+mod pair;
 mod run;
-mod surfaces;
 mod svg;
 mod sweep;
+mod viewer;
 
 pub use run::{ShownMap, page_of_map};
 
@@ -32,6 +33,15 @@ pub enum PageError {
         shown_path(path)
     )]
     NoResults {
+        /// The path.
+        path: PathBuf,
+    },
+    /// A folder beside another that is no run's.
+    #[error(
+        "{} has no report.json: two runs are set side by side; `qcball compare` does it with the cases of two sweeps",
+        shown_path(path)
+    )]
+    NoRun {
         /// The path.
         path: PathBuf,
     },
@@ -71,7 +81,7 @@ pub fn write_pages(folder: &Path) -> Result<PathBuf, PageError> {
         return Err(PageError::NoResults { path: folder.into() });
     };
     let page = match kind {
-        Kind::Run => run::of_folder(folder)?,
+        Kind::Run => run::page(&run::Files::read(folder)?.shown()),
         Kind::Sweep => sweep::page(folder)?,
     };
     put(&page, folder)
@@ -89,9 +99,37 @@ pub fn write_pages_of(folder: &Path, report: &Report, record: &MapRecord) -> Res
         trace: record.trace,
         mesh: &record.domain.mesh().in_unit(record.units[0].inverse()),
         boundary: record.domain.boundary(),
+        start: Some(&record.units[1].give_back_points(record.initial)),
         image: &record.units[1].give_back_points(record.image),
     });
     put(&page, folder)
+}
+
+/// Writes the pages of all cases of a sweep that are done, and returns how many.
+///
+/// # Errors
+/// A folder that is none of a sweep, a file that is broken, or one that cannot be written.
+pub fn write_case_pages(folder: &Path) -> Result<usize, PageError> {
+    if !folder.join("index.jsonl").is_file() {
+        return Err(PageError::NoResults { path: folder.into() });
+    }
+    let cases = sweep::done(folder)?;
+    cases.iter().try_for_each(|case| write_pages(case).map(drop))?;
+    Ok(cases.len())
+}
+
+/// Writes a page with two runs side by side, from the files of their folders.
+///
+/// # Errors
+/// A folder that is none of a run, a file that is broken, or one that cannot be written.
+pub fn write_pair(folders: [&Path; 2], page: &Path) -> Result<(), PageError> {
+    for folder in folders {
+        if !folder.join("report.json").is_file() {
+            return Err(PageError::NoRun { path: folder.into() });
+        }
+    }
+    let [one, other] = folders.map(run::Files::read);
+    Ok(pair::page([&one?.shown(), &other?.shown()]).write(page)?)
 }
 
 fn put(page: &page::Page, folder: &Path) -> Result<PathBuf, PageError> {

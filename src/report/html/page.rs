@@ -10,8 +10,11 @@ use crate::mesh::io::{WriteError, write_atomically};
 
 const STYLE: &str = include_str!("page.css");
 const CHARTS: &str = include_str!("charts.js");
+const SURFACE: &str = include_str!("surface.js");
 const VIEWER: &str = include_str!("viewer.js");
+const SWEEP: &str = include_str!("sweep.js");
 const TABLE: &str = include_str!("table.js");
+const START: &str = include_str!("start.js");
 /// plotly.js with its 3D traces and the scatter trace alone, MIT: npm's plotly.js-gl3d-dist-min, unchanged.
 const PLOTLY: &str = include_str!("plotly-gl3d-3.7.0.min.js");
 /// Runs before plotly.js, which reads a large canvas back many times: that is slow, and warned of, unless it is told ahead.
@@ -29,8 +32,12 @@ pub(super) struct Page {
     /// Heading and HTML of each section.
     pub(super) sections: Vec<(String, String)>,
     pub(super) charts: Vec<Chart>,
+    /// Charts that are files, while the page draws its own.
+    pub(super) pictures: Vec<Chart>,
     /// JSON for the viewer.
     pub(super) viewer: Option<String>,
+    /// JSON for the charts of a sweep.
+    pub(super) sweep: Option<String>,
 }
 
 /// Text as HTML.
@@ -87,16 +94,19 @@ impl Page {
         let names: Vec<String> = self.charts.iter().map(|chart| serde_json::json!(chart.id).to_string()).collect();
         let charts: Vec<String> = names.iter().zip(charts).map(|(name, chart)| format!("{name}:{chart}")).collect();
         writeln!(file, "</main>\n{}", data("charts", &format!("{{{}}}", charts.join(","))))?;
-        if let Some(viewer) = &self.viewer {
-            writeln!(file, "{}", data("viewer-data", viewer))?;
+        for (id, json) in [("viewer-data", &self.viewer), ("sweep-data", &self.sweep)] {
+            json.iter().try_for_each(|json| writeln!(file, "{}", data(id, json)))?;
         }
         writeln!(file, "{READ_BACK}\n<script>{PLOTLY}</script>")?;
-        writeln!(file, "<script type=\"module\">\n{CHARTS}\n{TABLE}\n{VIEWER}\n</script>\n</body>\n</html>")
+        writeln!(
+            file,
+            "<script type=\"module\">\n{CHARTS}\n{SWEEP}\n{TABLE}\n{SURFACE}\n{VIEWER}\n{START}</script>\n</body>\n</html>"
+        )
     }
 
     /// The charts as `plots/ID.svg` in a folder.
     pub(super) fn write_plots(&self, folder: &Path) -> Result<(), WriteError> {
-        for chart in &self.charts {
+        for chart in self.charts.iter().chain(&self.pictures) {
             let path = folder.join("plots").join(format!("{}.svg", chart.id));
             let picture = super::svg::svg(chart);
             write_atomically(&path, |file| file.write_all(picture.map_err(std::io::Error::other)?.as_bytes()))?;

@@ -3,19 +3,18 @@
 use std::path::Path;
 
 use serde::Deserialize;
-use serde_json::json;
 
 use super::chart::{Axis, Chart, Series, Style};
 use super::page::{Page, chart, paragraph, text};
-use super::surfaces::{CellValues, surfaces};
+use super::viewer::{Viewed, viewer};
 use super::{PageError, read_text};
 use crate::bound::LowerBound;
 use crate::dilatation::{lower_bound, number, upper_bound};
-use crate::mesh::io::read_tets;
+use crate::mesh::io::{read_tet_file, read_tets};
 use crate::mesh::{Boundary, Place, TetMesh, TopologyError, Unit, Vec3};
 use crate::optimize::TraceRow;
 use crate::report::summary::{decimals, percent, point};
-use crate::report::{CellRow, MapFigures, Report, summary};
+use crate::report::{CellRow, MapFigures, Report, START, summary};
 
 /// Bins of a histogram of K.
 const BINS: usize = 48;
@@ -32,8 +31,21 @@ pub(super) struct Shown<'a> {
     pub trace: &'a [TraceRow],
     pub mesh: &'a TetMesh,
     pub boundary: &'a Boundary,
+    /// Image positions started from, if they are known.
+    pub start: Option<&'a [Vec3]>,
     /// Image positions arrived at.
     pub image: &'a [Vec3],
+}
+
+/// The files of a run, read.
+pub(super) struct Files {
+    report: Report,
+    cells: Vec<CellRow>,
+    trace: Vec<TraceRow>,
+    mesh: TetMesh,
+    boundary: Boundary,
+    start: Option<Vec<Vec3>>,
+    image: Vec<Vec3>,
 }
 
 fn rows<T: for<'a> Deserialize<'a>>(path: &Path) -> Result<Vec<T>, PageError> {
@@ -41,34 +53,76 @@ fn rows<T: for<'a> Deserialize<'a>>(path: &Path) -> Result<Vec<T>, PageError> {
     reader.deserialize().map(|row| row.map_err(|error| PageError::broken(path, error))).collect()
 }
 
-/// The page of the folder of a run.
-pub(super) fn of_folder(folder: &Path) -> Result<Page, PageError> {
-    let record = folder.join("report.json");
-    let report: Report =
-        serde_json::from_str(&read_text(&record)?).map_err(|error| PageError::broken(&record, error))?;
-    let cells: Vec<CellRow> = rows(&folder.join("cells.csv"))?;
-    let trace: Vec<TraceRow> = rows(&folder.join("trace.csv"))?;
-    let [domain_path, image_path] = ["domain.vtu", "image.vtu"].map(|name| folder.join(name));
-    let (domain, image) = (read_tets(&domain_path)?, read_tets(&image_path)?);
-    if image.points.len() != domain.points.len() {
-        return Err(PageError::broken(&image_path, "it has not as many vertices as domain.vtu"));
+impl Files {
+    /// Reads the folder of a run.
+    pub(super) fn read(folder: &Path) -> Result<Self, PageError> {
+        let record = folder.join("report.json");
+        let report: Report =
+            serde_json::from_str(&read_text(&record)?).map_err(|error| PageError::broken(&record, error))?;
+        let cells: Vec<CellRow> = rows(&folder.join("cells.csv"))?;
+        let trace: Vec<TraceRow> = rows(&folder.join("trace.csv"))?;
+        let [domain_path, image_path] = ["domain.vtu", "image.vtu"].map(|name| folder.join(name));
+        let (domain, image) = (read_tets(&domain_path)?, read_tet_file(&image_path)?);
+        let start = image.point_vectors.into_iter().find(|(name, _)| name == START).map(|(_, points)| points);
+        let image = image.soup.points;
+        if image.len() != domain.points.len() {
+            return Err(PageError::broken(&image_path, "it has not as many vertices as domain.vtu"));
+        }
+        if cells.len() != domain.tets.len() {
+            return Err(PageError::broken(&folder.join("cells.csv"), "it has not as many rows as domain.vtu has tets"));
+        }
+        // The sign of a volume may be out of the range of numbers.
+        let unit = Unit::of_extreme(&domain.points);
+        let mesh = TetMesh::new(unit.take_points(&domain.points), domain.tets);
+        let mesh = mesh.map_err(|error| PageError::broken(&domain_path, error))?.in_unit(unit.inverse());
+        let boundary = Boundary::of(&mesh).map_err(|error| PageError::broken(&domain_path, error))?;
+        Ok(Self { report, cells, trace, mesh, boundary, start, image })
     }
-    if cells.len() != domain.tets.len() {
-        return Err(PageError::broken(&folder.join("cells.csv"), "it has not as many rows as domain.vtu has tets"));
+
+    pub(super) fn shown(&self) -> Shown<'_> {
+        Shown {
+            report: &self.report,
+            cells: &self.cells,
+            trace: &self.trace,
+            mesh: &self.mesh,
+            boundary: &self.boundary,
+            start: self.start.as_deref(),
+            image: &self.image,
+        }
     }
-    // The sign of a volume may be out of the range of numbers.
-    let unit = Unit::of_extreme(&domain.points);
-    let mesh = TetMesh::new(unit.take_points(&domain.points), domain.tets);
-    let mesh = mesh.map_err(|error| PageError::broken(&domain_path, error))?.in_unit(unit.inverse());
-    let boundary = Boundary::of(&mesh).map_err(|error| PageError::broken(&domain_path, error))?;
-    Ok(page(&Shown {
-        report: &report,
-        cells: &cells,
-        trace: &trace,
-        mesh: &mesh,
-        boundary: &boundary,
-        image: &image.points,
-    }))
+}
+
+/// Figures of the tets of a run, column by column.
+pub(super) struct Columns {
+    dilatations: [Vec<f64>; 2],
+    start: Vec<f64>,
+    active: Vec<bool>,
+}
+
+impl Columns {
+    pub(super) fn of(cells: &[CellRow]) -> Self {
+        let column = |value: fn(&CellRow) -> f64| cells.iter().map(value).collect();
+        Self {
+            dilatations: [column(|cell| cell.k_inner), column(|cell| cell.k_outer)],
+            start: column(|cell| cell.k_initial),
+            active: cells.iter().map(|cell| cell.active).collect(),
+        }
+    }
+}
+
+impl Shown<'_> {
+    /// What the viewer shows, called `name`.
+    pub(super) fn viewed<'a>(&'a self, columns: &'a Columns, name: &'a str) -> Viewed<'a> {
+        Viewed {
+            name,
+            mesh: self.mesh,
+            boundary: self.boundary,
+            image: self.image,
+            start: self.start.map(|start| (start, &columns.start[..])),
+            dilatations: [&columns.dilatations[0], &columns.dilatations[1]],
+            active: &columns.active,
+        }
+    }
 }
 
 /// A map that no config made, with what is known of it.
@@ -100,48 +154,43 @@ pub fn page_of_map(shown: &ShownMap) -> Result<String, TopologyError> {
     let boundary = Boundary::of(shown.mesh)?;
     let k: Vec<f64> = shown.inner.iter().zip(shown.outer).map(|(inner, outer)| inner.max(*outer)).collect();
     let most = k.iter().copied().filter(|k| k.is_finite()).fold(1.0, f64::max);
-    let values = CellValues {
-        inner: shown.inner.to_vec(),
-        outer: shown.outer.to_vec(),
-        start: k.clone(),
-        active: k.iter().map(|&k| k >= most * (1.0 - ACTIVE)).collect(),
-    };
-    let surfaces = surfaces(shown.mesh, &boundary, shown.image, &values);
-    // What was started from is not known.
-    let viewer = surfaces
-        .map(|surfaces| json!({ "surfaces": surfaces, "marker": null, "most": most, "hasStart": false }).to_string());
-    let view = match viewer {
-        Some(_) => include_str!("viewer.html").to_string(),
-        None => paragraph("The boundary is too large for a page."),
-    };
+    let active: Vec<bool> = k.iter().map(|&k| k >= most * (1.0 - ACTIVE)).collect();
+    let (view, viewer) = viewer(&[Viewed {
+        name: "",
+        mesh: shown.mesh,
+        boundary: &boundary,
+        image: shown.image,
+        // What was started from is not known.
+        start: None,
+        dilatations: [shown.inner, shown.outer],
+        active: &active,
+    }]);
     let mut sections = vec![("In short".to_string(), paragraph(shown.words)), ("Domain and image".into(), view)];
     let mut charts = Vec::new();
     if !shown.trace.is_empty() {
         charts.push(convergence(shown.trace, shown.best_bound));
         sections.push(("Convergence".into(), chart(&charts[0])));
     }
-    Ok(Page { title: shown.title.into(), sections, charts, viewer }.to_html())
+    Ok(Page { title: shown.title.into(), sections, charts, viewer, ..Page::default() }.to_html())
 }
 
 /// The page of a run.
 pub(super) fn page(shown: &Shown) -> Page {
     let report = shown.report;
+    let before_and_after =
+        [("start", sorted(shown.cells, |cell| cell.k_initial)), ("final", sorted(shown.cells, |cell| cell.k))];
     let charts = [
-        histogram(shown.cells),
-        cumulative(shown.cells),
+        histogram("Tets by their K, before and after", &before_and_after),
+        cumulative(&before_and_after),
         convergence(shown.trace, report.achieved.best.best_bound),
         ladder(report),
     ];
-    let viewer = viewer(shown);
+    let columns = Columns::of(shown.cells);
+    let (view, viewer) = viewer(&[shown.viewed(&columns, "")]);
     let sections = vec![
-        ("In short".into(), in_short(report)),
-        (
-            "Domain and image".into(),
-            match viewer {
-                Some(_) => include_str!("viewer.html").to_string(),
-                None => paragraph("The boundary is too large for a page; open domain.vtu and image.vtu in ParaView."),
-            },
-        ),
+        ("In short".into(), cards(report)),
+        ("Domain and image".into(), view),
+        ("In words".into(), in_words(report)),
         (
             "Dilatations before and after".into(),
             format!("<div class=\"pair\">{}{}</div>\n", chart(&charts[0]), chart(&charts[1])),
@@ -149,25 +198,33 @@ pub(super) fn page(shown: &Shown) -> Page {
         ("Convergence".into(), chart(&charts[2])),
         ("Bounds".into(), chart(&charts[3]) + &bounds_table(&report.achieved.bounds)),
     ];
-    Page { title: format!("qcball: {}", report.name), sections, charts: charts.into(), viewer }
+    Page { title: format!("qcball: {}", report.name), sections, charts: charts.into(), viewer, ..Page::default() }
 }
 
-fn in_short(report: &Report) -> String {
+/// The figures that are asked for first.
+fn cards(report: &Report) -> String {
     let gap = report.achieved.best.gap.map(upper_bound);
     let bound = report.achieved.best.best_bound.map(lower_bound);
-    let (ball, onto_ball) = (&report.achieved.ball, report.achieved.last.ball_k.map(|k| upper_bound(k.certified)));
+    let onto_ball = report.achieved.last.ball_k.map(|k| upper_bound(k.certified));
     let none = || "none".to_string();
     let cards = [
         ("largest K", number(report.achieved.last.max_k)),
         ("mean K", number(report.achieved.last.mean_k)),
         ("99 % of tets have K up to", number(report.achieved.last.p99_k)),
-        ("best proved bound", bound.clone().unwrap_or_else(none)),
-        ("gap", gap.clone().unwrap_or_else(none)),
-        ("K onto the ball, at most", onto_ball.clone().unwrap_or_else(none)),
+        ("best proved bound", bound.unwrap_or_else(none)),
+        ("gap", gap.unwrap_or_else(none)),
+        ("K onto the ball, at most", onto_ball.unwrap_or_else(none)),
         ("bijective", if report.bijective { "yes" } else { "no" }.into()),
     ];
     let cards: String =
         cards.iter().map(|(name, value)| format!("<div><dt>{name}</dt><dd>{}</dd></div>", text(value))).collect();
+    format!("<dl class=\"cards\">{cards}</dl>\n")
+}
+
+fn in_words(report: &Report) -> String {
+    let gap = report.achieved.best.gap.map(upper_bound);
+    let bound = report.achieved.best.best_bound.map(lower_bound);
+    let (ball, onto_ball) = (&report.achieved.ball, report.achieved.last.ball_k.map(|k| upper_bound(k.certified)));
     let mut words = format!(
         "A mesh of {tets} tets and {vertices} vertices ({solid}) was mapped {start} to the final one the largest K went from \
          {} to {} and the mean K from {} to {}, in {} iterations.",
@@ -197,7 +254,7 @@ fn in_short(report: &Report) -> String {
         });
         words += &format!("{}.", bracket.unwrap_or_default());
     }
-    let mut html = format!("<dl class=\"cards\">{cards}</dl>\n{}", paragraph(&words));
+    let mut html = paragraph(&words);
     let known = if report.bijective { "" } else { "not known to be " };
     html += &paragraph(&format!("The map is {known}bijective: {}.", report.bijective_reason));
     html += &paragraph(&format!("{}.", capital(&report.achieved.limit.sentence)));
@@ -246,49 +303,28 @@ fn bottleneck(report: &Report) -> Option<String> {
     let count = bottleneck.places;
     let others = if count > 1 { format!(", one of {count} such places") } else { String::new() };
     let inside = if bottleneck.interior { "inside the solid, nearest to" } else { "at" };
+    let marked = match (bottleneck.interior, count) {
+        (true, _) => "The first of them is",
+        (false, 1) => "It is",
+        (false, _) => "All are",
+    };
     Some(format!(
-        "The bottleneck: {} tets have a K within 0.1 % of the largest, {inside} the {kind} {} at {}{others}. It is marked in the viewer.",
+        "The bottleneck: {} tets have a K within 0.1 % of the largest, {inside} the {kind} {} at {}{others}. {marked} marked in the viewer.",
         bottleneck.active,
         vertices.join("-"),
         point(bottleneck.place.position(), decimals)
     ))
 }
 
-/// What the viewer draws, unless the boundary is too large.
-fn viewer(shown: &Shown) -> Option<String> {
-    let column = |value: fn(&CellRow) -> f64| shown.cells.iter().map(value).collect();
-    let values = CellValues {
-        inner: column(|cell| cell.k_inner),
-        outer: column(|cell| cell.k_outer),
-        start: column(|cell| cell.k_initial),
-        active: shown.cells.iter().map(|cell| cell.active).collect(),
-    };
-    let marker = shown.report.bottleneck.as_ref().and_then(|bottleneck| {
-        let vertices = bottleneck.place.vertices();
-        let there: Option<Vec<Vec3>> =
-            vertices.iter().map(|&vertex| shown.image.get(vertex as usize).copied()).collect();
-        let mean: [f64; 3] = (there?.into_iter().sum::<Vec3>() / vertices.len() as f64).into();
-        Some(json!([bottleneck.place.position(), mean]))
-    });
-    let finite = |value: f64, most: f64| if value.is_finite() { most.max(value) } else { most };
-    // Both maps on one scale, so that colours compare.
-    let most = shown.cells.iter().fold(1.0, |most, cell| finite(cell.k, finite(cell.k_initial, most)));
-    let surfaces = surfaces(shown.mesh, shown.boundary, shown.image, &values)?;
-    Some(json!({ "surfaces": surfaces, "marker": marker, "most": most }).to_string())
+/// A column of cells, sorted.
+pub(super) fn sorted(cells: &[CellRow], value: fn(&CellRow) -> f64) -> Vec<f64> {
+    let mut values: Vec<f64> = cells.iter().map(value).collect();
+    values.sort_unstable_by(f64::total_cmp);
+    values
 }
 
-/// K before and after, sorted.
-fn sorted(cells: &[CellRow]) -> [(&'static str, Vec<f64>); 2] {
-    let sorted = |value: fn(&CellRow) -> f64| {
-        let mut values: Vec<f64> = cells.iter().map(value).collect();
-        values.sort_unstable_by(f64::total_cmp);
-        values
-    };
-    [("start", sorted(|cell| cell.k_initial)), ("final", sorted(|cell| cell.k))]
-}
-
-fn histogram(cells: &[CellRow]) -> Chart {
-    let columns = sorted(cells);
+/// Histograms of sorted values of K, each with its name.
+pub(super) fn histogram(title: &str, columns: &[(&str, Vec<f64>)]) -> Chart {
     let most = columns.iter().flat_map(|(_, values)| values).copied().filter(|k| k.is_finite()).fold(1.0, f64::max);
     // A conformal map alone has no range.
     let width = most.ln().max(1e-3) / BINS as f64;
@@ -306,15 +342,16 @@ fn histogram(cells: &[CellRow]) -> Chart {
     });
     Chart {
         id: "histogram".into(),
-        title: "Tets by their K, before and after".into(),
+        title: title.into(),
         x: Axis { logarithmic: true, ..Axis::linear("K") },
         y: Axis::linear("% of the tets"),
         series: series.collect(),
     }
 }
 
-fn cumulative(cells: &[CellRow]) -> Chart {
-    let series = sorted(cells).into_iter().enumerate().map(|(colour, (name, values))| {
+/// Which share of sorted values of K is at most how much, of each with its name.
+pub(super) fn cumulative(columns: &[(&str, Vec<f64>)]) -> Chart {
+    let series = columns.iter().enumerate().map(|(colour, (name, values))| {
         let last = values.len().saturating_sub(1);
         let count = CURVE_POINTS.min(values.len());
         let ranks = (0..count).map(|index| if count > 1 { index * last / (count - 1) } else { 0 });
@@ -322,7 +359,7 @@ fn cumulative(cells: &[CellRow]) -> Chart {
         let points: Vec<[f64; 2]> = ranks.map(point).filter(|point| point[0].is_finite()).collect();
         let hover = points.iter().map(|[k, share]| format!("{name}: {share:.2} % of the tets have K up to {k:.4}"));
         let hover = hover.collect();
-        Series { hover, ..Series::new(name, colour, Style::Line, points) }
+        Series { hover, ..Series::new(*name, colour, Style::Line, points) }
     });
     Chart {
         id: "cumulative".into(),

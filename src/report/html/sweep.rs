@@ -1,13 +1,14 @@
 //! The page of a sweep, from `index.jsonl` and the order of the columns in `index.csv`.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use super::chart::{Axis, Chart, Series, Style};
-use super::page::{Page, chart, paragraph, text};
+use super::page::{Page, paragraph, text};
 use super::{PageError, read_text};
 use crate::dilatation::lower_bound;
+use crate::picture::dilatation_colours;
 
 /// The columns that a table starts with; the settings follow, then the results.
 const FIRST: [&str; 3] = ["case", "id", "status"];
@@ -54,18 +55,52 @@ pub(super) fn page(folder: &Path) -> Result<Page, PageError> {
     let front = front(&index);
     let mut charts = vec![scatter(&index, &front)];
     charts.extend(index.settings.iter().enumerate().map(|(number, key)| along(&index, number + 1, key)));
-    let axes: String = charts[1..].iter().map(chart).collect();
     let mut sections = vec![("In short".into(), in_short(&index, &front))];
-    if !front.is_empty() {
-        sections.push(("Largest against mean K".into(), chart(&charts[0])));
-        sections.push(("Along each key".into(), format!("<div class=\"multiples\">{axes}</div>\n")));
-    } else {
+    let mut shown = None;
+    if front.is_empty() {
         charts.clear();
+    } else {
+        sections.push(("The cases against each other".into(), include_str!("sweep.html").into()));
+        shown = Some(data(&index, folder));
     }
-    sections.push(("The cases".into(), table(&index)));
+    sections.push(("The cases".into(), table(&index, folder)));
     let name = folder.canonicalize().unwrap_or_else(|_| folder.into());
     let name = name.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
-    Ok(Page { title: format!("qcball sweep: {name}"), sections, charts, viewer: None })
+    Ok(Page { title: format!("qcball sweep: {name}"), sections, pictures: charts, sweep: shown, ..Page::default() })
+}
+
+/// The folders of the cases that are done.
+pub(super) fn done(folder: &Path) -> Result<Vec<PathBuf>, PageError> {
+    let index = Index::read(folder)?;
+    let id = |case: &Value| case["id"].as_str().filter(|_| case["status"] == "done").map(String::from);
+    Ok(index.cases.iter().filter_map(id).map(|id| folder.join("cases").join(id)).collect())
+}
+
+/// What the charts of the page are drawn from.
+fn data(index: &Index, folder: &Path) -> String {
+    let columns: Vec<(&String, &str)> = index.settings.iter().map(|name| (name, "settings")).collect();
+    let columns = [columns, index.results.iter().map(|name| (name, "results")).collect()].concat();
+    let value = |value: &Value| match value {
+        // Words, of which charts have an axis; a list is one.
+        Value::Array(_) | Value::Object(_) | Value::Bool(_) => Value::from(value.to_string()),
+        other => other.clone(),
+    };
+    let case = |case: &Value| {
+        let values: Vec<Value> = columns.iter().map(|(name, group)| value(&case[group][name])).collect();
+        json!({ "case": case["case"], "link": link(case, folder), "values": values })
+    };
+    json!({
+        "keys": index.settings, "columns": columns.iter().map(|(name, _)| name).collect::<Vec<_>>(),
+        "cases": index.cases.iter().map(case).collect::<Vec<_>>(), "colours": dilatation_colours(17),
+    })
+    .to_string()
+}
+
+/// Where a case that is done is looked at: its page, if it has one, or else its folder.
+fn link(case: &Value, folder: &Path) -> Option<String> {
+    let id = case["id"].as_str().filter(|_| case["status"] == "done")?;
+    let page = format!("cases/{id}/report.html");
+    Some(if folder.join(&page).is_file() { page } else { format!("cases/{id}/") })
 }
 
 /// A result as a cell of a table: a dilatation or a ratio with five decimals, since columns are compared by eye; index.csv
@@ -137,7 +172,7 @@ fn in_short(index: &Index, front: &[(&Value, [f64; 2])]) -> String {
         let why = case["error"].as_str().unwrap_or("without a message");
         html += &format!("<p class=\"warning\">Case {} failed: {}</p>\n", case["case"], text(why));
     }
-    html + &paragraph("The page of one case is made by qcball report on its folder below cases/.")
+    html + "<p>A case has a page of its own once <code>qcball report --cases</code> has made them.</p>\n"
 }
 
 fn scatter(index: &Index, front: &[(&Value, [f64; 2])]) -> Chart {
@@ -196,7 +231,7 @@ fn along(index: &Index, number: usize, key: &str) -> Chart {
 }
 
 /// The table; its script sorts and filters the rows.
-fn table(index: &Index) -> String {
+fn table(index: &Index, folder: &Path) -> String {
     let any_error = index.cases.iter().any(|case| case["error"].is_string());
     let mut columns: Vec<(&str, Option<&str>)> = FIRST.iter().map(|name| (*name, None)).collect();
     columns.extend(index.settings.iter().map(|name| (name.as_str(), Some("settings"))));
@@ -207,8 +242,8 @@ fn table(index: &Index) -> String {
         .map(|(name, _)| format!("<th aria-sort=\"none\"><button type=\"button\">{}</button></th>", text(name)))
         .collect();
     let mut rows = String::new();
-    for case in &index.cases {
-        rows += "<tr>";
+    for (number, case) in index.cases.iter().enumerate() {
+        rows += &format!("<tr data-case=\"{number}\">");
         for &(name, group) in &columns {
             let value = group.map_or(&case[name], |group| &case[group][name]);
             let shown = text(&match (name, group) {
@@ -216,8 +251,8 @@ fn table(index: &Index) -> String {
                 (_, Some("results")) => result(value),
                 _ => plain(value),
             });
-            rows += &match (name, case["status"] == "done") {
-                ("id", true) => format!("<td><a href=\"cases/{shown}/\">{shown}</a></td>"),
+            rows += &match (name, link(case, folder)) {
+                ("id", Some(link)) => format!("<td><a href=\"{}\">{shown}</a></td>", text(&link)),
                 _ if value.is_number() => format!("<td class=\"number\">{shown}</td>"),
                 _ => format!("<td>{shown}</td>"),
             };
@@ -234,8 +269,6 @@ fn table(index: &Index) -> String {
 
 #[cfg(test)]
 mod tests {
-    use serde_json::json;
-
     use super::*;
 
     #[test]

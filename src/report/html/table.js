@@ -48,6 +48,7 @@ if (table) {
       row.hidden = !conditions.every((holds) => holds(row));
       count += !row.hidden;
     }
+    document.dispatchEvent(new CustomEvent("cases-shown", { detail: all.filter((row) => !row.hidden).map((row) => Number(row.dataset.case)) }));
     document.getElementById("shown").textContent = `${count} of ${all.length} cases${unknown.length ? `; no column is named ${unknown.join(", ")}` : ""}`;
   };
   filter.addEventListener("input", apply);
