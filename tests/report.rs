@@ -318,9 +318,9 @@ fn the_viewer_draws_cuts_and_changes_colours_in_a_browser() {
         const said = document.getElementById('hover');
         const atFirst = said.textContent;
         // plotly.js looks what is there when it next draws.
-        for (let step = 0; step < 40 && said.textContent === atFirst; step++) {
-          scene.dispatchEvent(new MouseEvent('mousemove', { clientX: middleOf.x + middleOf.width / 2 + step, clientY: middleOf.y + middleOf.height / 2, bubbles: true }));
-          await pause();
+        for (let step = 0; step < 100 && said.textContent === atFirst; step++) {
+          scene.dispatchEvent(new MouseEvent('mousemove', { clientX: middleOf.x + middleOf.width / 2 + step % 9, clientY: middleOf.y + middleOf.height / 2, bubbles: true }));
+          for (let frame = 0; frame < 3; frame++) await new Promise(requestAnimationFrame);
         }
         seen.hover = said.textContent;
         await set('top', (top) => { top.value = 2; });

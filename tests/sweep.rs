@@ -374,7 +374,7 @@ fn cases_that_the_config_has_no_more_are_removed_on_request() {
     assert_eq!(place.call("sweep a.toml --out x --quiet").0, Some(0));
     let before = place.done("x");
     fs::write(place.path("x/cases/notes.txt"), "mine").unwrap();
-    let narrow = "--set sweep.grid.map.exponent=[1,2] --out x";
+    let narrow = "--set sweep.grid.map.exponent=[1.0,2.0] --out x";
     // Named, and then removed; the other six are those that there were.
     let (code, said) = place.call(&format!("sweep a.toml {narrow} --prune --dry-run"));
     assert!(code == Some(0) && said.matches("would be removed").count() == 6, "{said}");

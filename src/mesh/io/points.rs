@@ -53,8 +53,7 @@ pub fn read_points_under(path: &Path, prefix: &str) -> Result<PointTable, ReadEr
 }
 
 /// What [`read_points_under`] leaves out but for the columns that it reads: what was said of other points.
-const OF_OTHERS: [&str; 8] =
-    ["inside", "tet", "image_x", "image_y", "image_z", "domain_x", "domain_y", "domain_z"];
+const OF_OTHERS: [&str; 8] = ["inside", "tet", "image_x", "image_y", "image_z", "domain_x", "domain_y", "domain_z"];
 
 fn read_csv(path: &Path, prefix: &str) -> Result<PointTable, ReadError> {
     let malformed = |line, message| ReadError::Malformed { path: path.into(), line, message };
@@ -84,8 +83,9 @@ fn read_csv(path: &Path, prefix: &str) -> Result<PointTable, ReadError> {
         [Some(x), Some(y), Some(z)] if !prefix.is_empty() => ([x, y, z], true),
         _ => ([column("x")?, column("y")?, column("z")?], false),
     };
-    let kept: Vec<usize> =
-        (0..header.len()).filter(|at| !under || columns.contains(at) || !OF_OTHERS.contains(&header[*at].as_str())).collect();
+    let kept: Vec<usize> = (0..header.len())
+        .filter(|at| !under || columns.contains(at) || !OF_OTHERS.contains(&header[*at].as_str()))
+        .collect();
     let (mut points, mut rows) = (Vec::new(), Vec::new());
     for record in reader.records() {
         let record = record.map_err(broken)?;
