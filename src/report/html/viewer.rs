@@ -234,7 +234,7 @@ mod tests {
         let [whole, part] = [mesh.tets().len(), mesh.tets().len() - 1].map(|most| packed_map(&map, most));
         assert!(whole.whole && integers(&whole.tets).len() == 4 * mesh.tets().len());
         let numbers = integers(&part.numbers);
-        assert!(!part.whole && 0 < numbers.len() && numbers.len() < mesh.tets().len());
+        assert!(!part.whole && !numbers.is_empty() && numbers.len() < mesh.tets().len());
         // Every triangle's tet is there, and has its corners.
         let [tets, triangles, owners] = [&part.tets, &part.triangles, &part.owners].map(|text| integers(text));
         for (triangle, &owner) in triangles.chunks_exact(3).zip(&owners) {
