@@ -26,7 +26,7 @@ pub(crate) struct SweepArguments {
     /// A config with a table [sweep]; `qcball schema` describes its keys.
     config: PathBuf,
     /// Override a key of the config for all cases, e.g. --set mesh.layers=4, or the values of one that is varied, e.g.
-    /// --set sweep.grid.mesh.layers=[2,4]; may be given several times.
+    /// `--set sweep.grid.mesh.layers=[2,4]`; may be given several times.
     #[arg(long = "set", value_name = "KEY.PATH=VALUE")]
     set: Vec<String>,
     /// The folder of the results instead of results/NAME.
