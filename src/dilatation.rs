@@ -8,7 +8,7 @@ use crate::linalg::{Mat3, svd};
 ///
 /// With singular values s1 >= s2 >= s3 > 0: `inner = s1 s2 / s3^2`, `outer = s1^2 / (s2 s3)`. Both are 1 exactly for
 /// similarities, invariant under similarities on either side, exchanged by inversion of the map, and with
-/// H = s1 / s3: `inner * outer = H^3`, `H^(3/2) <= max(inner, outer) <= H^2` (bounds.md §0).
+/// H = s1 / s3: `inner * outer = H^3`, `H^(3/2) <= max(inner, outer) <= H^2`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Dilatation {
     /// K_I.

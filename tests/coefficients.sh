@@ -33,7 +33,7 @@ The image of a mesh is a polyhedron inscribed in the ball, and so its corners op
 the certified bound may be below what holds for the smooth solid. No gap is taken between the two.
 
 The star centre is the centre of the largest ball in the kernel. For all solids but the pyramids that is the volume centroid, and
-the columns of the smooth solid are those of the table in bounds.md.
+the columns of the smooth solid are closed forms.
 
 | solid | subdivisions | tets | pi/a | (41) | vertex | trace | trace C1 | radial K | our K | certified | by | before | gap |
 |---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|---|--:|--:|

@@ -133,3 +133,73 @@ fn configs_shown_in_the_guide_can_be_read() {
     }
     assert!(read >= 4, "only {read} configs were found");
 }
+
+/// The rows of the first table of a Markdown file whose head has a column of this name: its cells, trimmed, and the column's place.
+fn markdown_column(file: &str, name: &str) -> Vec<(Vec<String>, String)> {
+    let text = fs::read_to_string(root().join(file)).unwrap();
+    let cells = |line: &str| line.trim_matches('|').split('|').map(|cell| cell.trim().to_string()).collect::<Vec<_>>();
+    let mut lines =
+        text.lines().skip_while(|line| !(line.starts_with('|') && cells(line).iter().any(|cell| cell == name)));
+    let place = cells(lines.next().unwrap()).iter().position(|cell| cell == name).unwrap();
+    let rows = lines.skip(1).take_while(|line| line.starts_with('|')).map(cells);
+    rows.map(|row| (row.clone(), row[place].clone())).collect()
+}
+
+fn squeezed(file: &str) -> String {
+    fs::read_to_string(root().join(file)).unwrap().split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+#[test]
+fn what_readme_and_guide_say_of_figures_is_in_the_committed_tables() {
+    let (readme, method) = (squeezed("README.md"), squeezed("src/guide/method.md"));
+    let summary = fs::read_to_string(root().join("results/cube/summary.txt")).unwrap();
+    let line = |start: &str| summary.lines().find(|line| line.starts_with(start)).unwrap();
+    let most = line("final ").split_whitespace().nth(1).unwrap();
+    let bound = line("best bound").split_whitespace().nth(4).unwrap().trim_end_matches(';');
+    let caption = format!(
+        "largest, {most}, at the eight corners; no map of this mesh with this boundary has a largest K below {bound}."
+    );
+    assert!(readme.contains(&caption), "{caption}");
+
+    // Gaps are rounded up, to two digits in words.
+    let gaps = markdown_column("results/gaps/table.md", "gap");
+    let gaps: Vec<f64> = gaps.iter().map(|(_, gap)| (gap.parse::<f64>().unwrap() * 100.0).ceil() / 100.0).collect();
+    let (mut near, far): (Vec<f64>, Vec<f64>) = gaps.iter().partition(|&&gap| gap < 1.5);
+    near.sort_by(f64::total_cmp);
+    let last = near.len() - 1;
+    let told = format!("| 1.00 to {:.2} on {} meshes, {:.2} on one, proved", near[last], near.len(), far[0]);
+    assert!(far.len() == 1 && readme.contains(&told), "{told}");
+    let told = format!(
+        "on {} benchmark meshes of 1,000 and 10,000 tets the K reached is within a factor of {:.2} of the best bound, on {} of them {:.2}, \
+         and {:.2} on a smooth ellipsoid",
+        near.len(),
+        near[last],
+        last - 1,
+        near[last - 2],
+        far[0]
+    );
+    assert!(method.contains(&told), "{told}");
+
+    // Beside the other programs.
+    let percent = |ratio: f64| 100.0 * (1.0 / ratio - 1.0);
+    for (name, words) in
+        [("K ratio", "| largest K | lowest on all"), ("mean ratio", "| mean K | lowest of the two on all")]
+    {
+        let ratios = markdown_column("results/bench.md", name);
+        let worse: Vec<f64> = ratios.iter().map(|(_, ratio)| percent(ratio.parse().unwrap())).collect();
+        assert!(worse.iter().all(|&worse| worse > 0.0), "{name}: {worse:?}");
+        let most = worse.iter().copied().fold(0.0, f64::max);
+        let told = format!("{words} {} |", worse.len());
+        let row = readme.split(&told).nth(1).unwrap_or_else(|| panic!("{told}")).split('|').next().unwrap();
+        assert!(row.contains(&format!("to {most:.0} % higher")), "{row}: {most}");
+    }
+
+    // A brain's surfaces, ours and FreeSurfer's.
+    for (row, most) in markdown_column("results/brain/table.md", "max s1/s2") {
+        let most = format!("{:.2}", most.parse::<f64>().unwrap());
+        assert!(readme.contains(&most) && readme.contains(&row[5]), "{row:?}");
+    }
+    let models = markdown_column("results/any-solid/table.md", "bijective");
+    let fixed = models.iter().filter(|(row, _)| row[1] == "fixed").count();
+    assert!(readme.contains(&format!("On {fixed} tet meshes of animals")) && models.iter().all(|(_, is)| is == "yes"));
+}

@@ -97,7 +97,7 @@ impl Kind {
 /// Which maps a bound speaks of. A gap is taken only between a map and a bound whose scope contains it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Scope {
-    /// Any quasi-conformal map of the solid onto the smooth ball, boundary values free (`[QC]` in bounds.md).
+    /// Any quasi-conformal map of the solid onto the smooth ball, boundary values free.
     #[serde(rename = "any qc map of the solid onto the ball")]
     Shape,
     /// Any quasi-conformal map of the solid onto the smooth ball with the radial boundary values (`[QC-fix]`).

@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use super::{Boundary, Subdivision, TetMesh, VertexId};
 
 /// Halves interior edges that join boundary vertices, longest first, then splits interior faces whose vertices are all on
-/// the boundary at their centres (design.md §5.2): then every interior edge and face has a vertex inside. A mesh that needs
+/// the boundary at their centres: then every interior edge and face has a vertex inside. A mesh that needs
 /// nothing is left as it is.
 ///
 /// Every tet with four boundary vertices is split, unless it is the whole mesh: what is locked with a fixed boundary

@@ -57,7 +57,7 @@ const POLISH_SHARE: f64 = 0.15;
 /// Largest KKT residual that counts as optimal.
 pub(crate) const OPTIMAL: f64 = 1e-6;
 /// Fall in ln K of a step which ends all but the last phase: 2e-4 was found enough, ending earlier costs more than it
-/// saves (design.md §5.4).
+/// saves.
 const PHASE_TOLERANCE: f64 = 2e-4;
 
 /// What is minimised.

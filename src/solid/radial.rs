@@ -9,7 +9,7 @@ use crate::mesh::Vec3;
 /// In the cone over a triangle whose plane is at distance h, at the angle theta from its normal and with t = tan theta, Df is
 /// a similarity times the block [[a, -a t], [0, 1]] and a 1. The block's singular values s1 >= 1 >= s3 have s1 s3 = a and
 /// s1^2 + s3^2 = a^2 (1 + t^2) + 1, so K_O = s1^3 / a and K_I = s1^3 / a^2; both grow with t, which is largest at the
-/// triangle's vertex farthest from the centre. For a = 1, K = sigma^3 with sigma = (t + sqrt(t^2 + 4))/2 (bounds.md §C).
+/// triangle's vertex farthest from the centre. For a = 1, K = sigma^3 with sigma = (t + sqrt(t^2 + 4))/2.
 /// Infinite if the centre lies in the plane of a triangle or behind it. A ratio: no units.
 pub fn radial_max_dilatation(surface: &Surface, centre: &Vec3, exponent: f64) -> f64 {
     let (a, squared) = (exponent, largest_squared_tangent(surface, centre));

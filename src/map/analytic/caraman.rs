@@ -18,7 +18,7 @@ pub struct CaramanError {
 /// f(x) = u(x)^a y/|y| with y = x - centre and u = |y| over the length of the ray through x, a > 0, onto the unit ball.
 ///
 /// In the cone over a triangle u = g . y for a fixed vector g, normal to the triangle. At the angle theta between y and g, with
-/// t = tan theta, Df is a similarity times the block [[a, -a t], [0, 1]] and a 1 (bounds.md §C): with
+/// t = tan theta, Df is a similarity times the block [[a, -a t], [0, 1]] and a 1: with
 /// s1 s3 = a and s1^2 + s3^2 = a^2 (1 + t^2) + 1, K_O = s1^3 / a and K_I = s1^3 / a^2. Both grow with t, which is largest at
 /// a corner of a triangle.
 ///
