@@ -75,9 +75,11 @@ impl Axis {
         if self.logarithmic {
             axis["type"] = json!("log");
             axis["tickformat"] = json!("~r");
-            // Near and beyond a decade the ticks would be at all multiples of its powers; few of them are 1, 2, 5, 10, ...
-            if spanned(values) > 6.0 {
-                axis["nticks"] = json!(3);
+            // Near and beyond a decade the ticks would be at all multiples of its powers; few of them are 1, 2, 5, 10, ..., and one a
+            // decade where there are many.
+            let span = spanned(values);
+            if span > 6.0 {
+                axis["nticks"] = json!(span.log10().ceil().max(3.0));
             }
         } else if self.names.is_empty() {
             axis["type"] = json!("linear");

@@ -49,7 +49,7 @@ async function startSweep() {
     const [least, most] = [Math.min(...values), Math.max(...values)];
     const logarithmic = least > 0 && most / least > 5;
     const layout = { title: { text: name }, automargin: true, type: logarithmic ? "log" : "linear" };
-    if (logarithmic) Object.assign(layout, { tickformat: "~r", nticks: most / least > 6 ? 3 : undefined });
+    if (logarithmic) Object.assign(layout, { tickformat: "~r", nticks: most / least > 6 ? Math.max(3, Math.ceil(Math.log10(most / least))) : undefined });
     return { place: (one) => value(one, name), layout };
   }
 
