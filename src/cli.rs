@@ -285,8 +285,8 @@ fn report_pair(folder: &Path, other: &Path, page: &Path) -> Result<Ending, Failu
 }
 
 /// Whether the page of results that are written was made; if not, says so.
-fn pages_are_written(folder: &Path, written: Result<PathBuf, PageError>) -> bool {
-    if let Err(error) = &written {
+fn pages_are_written(folder: &Path, written: &Result<PathBuf, PageError>) -> bool {
+    if let Err(error) = written {
         fault(&format!("{error}; the results are whole, and `qcball report {}` makes the page", shown_path(folder)));
     }
     written.is_ok()
@@ -355,7 +355,8 @@ fn run(arguments: &RunArguments) -> Result<Ending, Failure> {
     let finished = finished.inspect_err(|_| progress.finish())?;
     let threads = plan.threads.unwrap_or(0);
     let written = experiment::on_threads(threads, || write_results(&folder, &finished.report, &finished.record()))?;
-    let page = match written {
+    let mut page = None;
+    let whole = match written {
         Ok(()) if plan.optimize.cancel.is_raised() => {
             note(&format!("interrupted: the page was left out; `qcball report {}` makes it", shown_path(&folder)));
             true
@@ -364,7 +365,9 @@ fn run(arguments: &RunArguments) -> Result<Ending, Failure> {
             progress.begin(Stage::Page);
             let made =
                 experiment::on_threads(threads, || write_pages_of(&folder, &finished.report, &finished.record()))?;
-            pages_are_written(&folder, made)
+            let whole = pages_are_written(&folder, &made);
+            page = made.ok();
+            whole
         }
         Err(error) => {
             let folder = shown_path(&folder);
@@ -379,11 +382,12 @@ fn run(arguments: &RunArguments) -> Result<Ending, Failure> {
         print(&finished.report.to_json())?;
     } else if !arguments.told.quiet {
         let (summary, time) = (summary(&finished.report), time_line(finished.report.achieved.times));
-        print(&format!("{summary}{time}results     {}\n", shown_path(&folder)))?;
+        let page = page.map(|page| format!("page        {}\n", shown_path(&page))).unwrap_or_default();
+        print(&format!("{summary}{time}results     {}\n{page}", shown_path(&folder)))?;
     }
     Ok(match &finished.report {
         report if report.achieved.stop == StopReason::Cancelled => Ending::Interrupted,
-        report if report.bijective && page => Ending::Done,
+        report if report.bijective && whole => Ending::Done,
         _ => Ending::Unfulfilled,
     })
 }

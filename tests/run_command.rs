@@ -44,6 +44,9 @@ fn a_solid_by_its_name_alone_is_run_as_by_the_least_config() {
     let [named, piped] = ["gem [1]", "piped"].map(|name| report(folder.path(), name));
     assert_eq!(named["final"], piped["final"]);
     assert_eq!(named["input_hash"], piped["input_hash"]);
+    // Where to look is said last.
+    let said = printed(&qcball(folder.path(), &[&["run", "parts/gem [1].off"], &COARSE[..]].concat(), ""));
+    assert!(said.ends_with("\nresults     results/gem [1]\npage        results/gem [1]/report.html\n"), "{said}");
     // A folder made without a config is as good as any.
     printed(&qcball(folder.path(), &["verify", "results/gem [1]"], ""));
 }

@@ -143,7 +143,7 @@ fn end(arguments: &SweepArguments, tally: Tally, folder: &SweepFolder, index: Op
         (tally.cases - tally.done - tally.failed, "not done"),
     ];
     // Without an index there is nothing to show yet.
-    let page = index.is_none() || pages_are_written(folder.path(), write_pages(folder.path()));
+    let page = index.is_none() || pages_are_written(folder.path(), &write_pages(folder.path()));
     let all = unfulfilled.iter().all(|&(count, _)| count == 0) && page;
     if !arguments.quiet {
         let mut words = format!("{} of {} cases done", tally.done, tally.cases);

@@ -248,3 +248,20 @@ fn lengths_of_a_solid_in_small_units_keep_four_figures() {
     let said = summary(&report);
     assert!(said.contains("(0.0002000, 0.0000000, 0.0002000), kernel radius 0.0001000,"), "{said}");
 }
+
+#[test]
+fn the_summary_counts_bounds_that_do_not_apply_and_warns_of_a_largest_k_above_that_of_the_start() {
+    let (_folder, mut report) = write(false);
+    let said = summary(&report);
+    assert!(said.contains("1 more does not apply to this map; report.json tells why"), "{said}");
+    assert!(!said.contains("7.0000") && !said.contains("the largest K rose"), "{said}");
+    // Where none applies, each says why.
+    report.achieved.bounds.iter_mut().for_each(|bound| bound.applies = false);
+    assert_eq!(summary(&report).matches("the boundary is fixed").count(), 3);
+    report.achieved.initial.max_k = report.achieved.last.max_k / 2.0;
+    let said = summary(&report);
+    assert!(said.contains("warning     the largest K rose from the start's"), "{said}");
+    // A start with flipped tets is above all.
+    report.achieved.initial.max_k = f64::INFINITY;
+    assert!(!summary(&report).contains("the largest K rose"));
+}
