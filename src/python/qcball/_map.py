@@ -5,8 +5,10 @@ from __future__ import annotations
 import html
 import json
 import os
+import math
 import pathlib
 from dataclasses import dataclass, field
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 from typing import Any
 
 import numpy as np
@@ -14,6 +16,13 @@ from numpy.typing import ArrayLike
 
 from . import _qcball
 from ._arrays import Floats, Indices, bytes_of, floats_of, indices_of, points_of
+
+
+def _rounded(value: float, rounding: str) -> str:
+    """With four decimals, a bound in the direction in which it stays one."""
+    if not math.isfinite(value):
+        return str(value)
+    return str(Decimal(value).quantize(Decimal("0.0001"), rounding, Context(prec=400)))
 
 
 @dataclass(frozen=True)
@@ -60,8 +69,8 @@ class Map:
 
     def summary(self) -> str:
         """The figures in words."""
-        bound = "none" if self.best_bound is None else f"{self.best_bound:.4f}"
-        onto = "" if self.ball_K is None else f", K onto the ball at most {self.ball_K:.4f}"
+        bound = "none" if self.best_bound is None else _rounded(self.best_bound, ROUND_FLOOR)
+        onto = "" if self.ball_K is None else f", K onto the ball at most {_rounded(self.ball_K, ROUND_CEILING)}"
         return (
             f"{len(self.cells)} tets, max K {self.max_K:.4f}, mean K {self.mean_K:.4f}, best bound {bound}{onto}, "
             f"{'bijective' if self.bijective else 'not proved bijective'}, {self.stop}"

@@ -62,6 +62,9 @@ def test_a_bipyramid_has_the_map_of_least_dilatation():
     np.testing.assert_allclose(m.K, 4, atol=1e-5)
     np.testing.assert_allclose(m.K_outer, 2, atol=1e-5)
     assert m.max_K == m.K.max() and 1 <= m.gap < 4.0001 and m.trace and "max K" in m.summary()
+    # In words too bounds are rounded to the side on which they stay bounds.
+    assert float(m.summary().split("best bound ")[1].split(",")[0]) <= m.best_bound
+    assert float(m.summary().split("at most ")[1].split(",")[0]) >= m.ball_K
 
 
 def test_measures_agree_with_numpy():
