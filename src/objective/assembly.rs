@@ -5,6 +5,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::element::{ElementDerivatives, centred_logs, gradient_from};
+use super::opening::{change_of_distance, opening};
 use super::unknowns::projection;
 use super::{Barrier, Iterate, TetEnergy, Unknowns};
 use crate::domain::Domain;
@@ -16,6 +17,10 @@ pub(super) const CHUNK: usize = 1024;
 /// Tets whose second derivatives are held at once: 820 bytes each, for all tets at once most of the memory. Few in tests, whose
 /// meshes are small.
 const BATCH: usize = if cfg!(test) { 100 } else { 1 << 16 };
+/// How often vertices of triangles that have opened too far are taken half of their way back, before all of it.
+const HALVINGS: usize = 6;
+/// How near to its least opening, relatively, a triangle counts as there.
+const AT_LEAST: f64 = 0.01;
 
 /// The maps from tets to unknowns of one domain with some vertices free, and the workspace of its Newton systems.
 ///
@@ -36,6 +41,8 @@ pub struct Assembly<'d> {
     gradients: Vec<[Vec3; 4]>,
     cursors: Vec<usize>,
     gradient_scale: f64,
+    /// For each vertex whether it is held since the last linearisation: at a triangle that may not open further and would.
+    held: Vec<bool>,
 }
 
 /// Lists of contributions, one list an unknown.
@@ -117,6 +124,7 @@ impl<'d> Assembly<'d> {
             gradients: Vec::new(),
             cursors: Vec::new(),
             gradient_scale: 0.0,
+            held: vec![false; unknowns.vertices()],
         })
     }
 
@@ -148,7 +156,57 @@ impl<'d> Assembly<'d> {
             let to = *position + Vec3::new(d[0], d[1], d[2]) * step;
             *position = self.unknowns.retract(vertex as usize, position, to);
         }
+        self.close(image, &mut moved);
         moved
+    }
+
+    /// The triangles of the boundary that are watched, each with its least opening.
+    fn watched(&self) -> impl Iterator<Item = (&'d [VertexId; 3], f64)> {
+        self.domain.boundary().triangles().iter().zip(self.unknowns.least_openings().iter().copied())
+    }
+
+    /// Takes vertices of triangles that have opened too far back towards where they were: half the way, half of what is left, and so on, and
+    /// at last all of it. A step as a whole would be cut by one of them.
+    fn close(&self, image: &[Vec3], moved: &mut [Vec3]) {
+        for round in 0.. {
+            let too_open = |moved: &[Vec3], &(triangle, least): &(&[VertexId; 3], f64)| {
+                !(opening(triangle.map(|v| &moved[v.index()])) >= least)
+            };
+            let mut vertices: Vec<usize> = self
+                .watched()
+                .filter(|watched| too_open(moved, watched))
+                .flat_map(|(triangle, _)| triangle.map(VertexId::index))
+                .filter(|&v| moved[v] != image[v])
+                .collect();
+            if vertices.is_empty() {
+                return;
+            }
+            vertices.sort_unstable();
+            vertices.dedup();
+            for v in vertices {
+                let between = (image[v] + moved[v]) / 2.0;
+                moved[v] = if round < HALVINGS { self.unknowns.retract(v, &image[v], between) } else { image[v] };
+            }
+        }
+    }
+
+    /// For each vertex whether it is of a triangle at its least opening that a step down the gradient would open further.
+    fn at_least_opening(&self, image: &[Vec3], gradient: &[f64]) -> Vec<bool> {
+        let mut held = vec![false; image.len()];
+        let mut down = vec![Vec3::zeros(); image.len()];
+        for (entries, &v) in gradient.chunks_exact(3).zip(&self.free) {
+            let of_vertex = Vec3::from_column_slice(entries);
+            down[v as usize] = -self.unknowns.tangent(v as usize, &image[v as usize], of_vertex);
+        }
+        for (triangle, least) in self.watched() {
+            let corners = triangle.map(|v| &image[v.index()]);
+            if opening(corners) < least * (1.0 + AT_LEAST)
+                && change_of_distance(corners, triangle.map(|v| down[v.index()])) < 0.0
+            {
+                triangle.iter().for_each(|v| held[v.index()] = true);
+            }
+        }
+        held
     }
 
     /// A triangle of the boundary that does not face away from the origin, by exact predicate; none is looked for where no
@@ -221,6 +279,9 @@ impl<'d> Assembly<'d> {
         let whole = self.gather(|corner| gradients[corner / 4][corner % 4]);
         self.gradient_scale = self.sum_over_corners(|corner| gradients[corner / 4][corner % 4].norm());
         let image = iterate.image();
+        if !self.unknowns.least_openings().is_empty() {
+            self.held = self.at_least_opening(image, &whole);
+        }
         self.project_blocks(image, &whole);
         Some(self.tangent(image, whole))
     }
@@ -261,7 +322,7 @@ impl<'d> Assembly<'d> {
             self.free.iter().map(|&v| self.unknowns.normal(v as usize, &image[v as usize])).collect();
         let starts = self.system.column_starts().to_vec();
         let rows = self.system.rows().to_vec();
-        let free = &self.free;
+        let (free, held) = (&self.free, &self.held);
         let columns = split_columns(self.system.values_mut(), &starts, 9);
         columns.into_par_iter().enumerate().with_min_len(64).for_each(|(column, values)| {
             let height = starts[column + 1] - starts[column];
@@ -282,6 +343,10 @@ impl<'d> Assembly<'d> {
                         sum += projection(normal) * (-along / radius) + normal * normal.transpose() * stiffness;
                     }
                 }
+                if held[free[row] as usize] || held[free[column] as usize] {
+                    let stiffness = if row == column { sum.norm().max(f64::MIN_POSITIVE) } else { 0.0 };
+                    sum = Mat3::identity() * stiffness;
+                }
                 put_block(values, height, k, &sum);
             }
         });
@@ -292,7 +357,8 @@ impl<'d> Assembly<'d> {
         if self.unknowns.slides() {
             for (entries, &v) in vector.chunks_exact_mut(3).zip(&self.free) {
                 let whole = Vec3::from_column_slice(entries);
-                let tangent = self.unknowns.tangent(v as usize, &image[v as usize], whole);
+                let v = v as usize;
+                let tangent = if self.held[v] { Vec3::zeros() } else { self.unknowns.tangent(v, &image[v], whole) };
                 entries.copy_from_slice(tangent.as_slice());
             }
         }

@@ -10,6 +10,7 @@ mod capped_mean;
 mod element;
 mod extremes;
 mod iterate;
+mod opening;
 mod primal_dual;
 mod soft_max;
 #[cfg(test)]
@@ -23,6 +24,7 @@ pub use capped_mean::CappedMean;
 pub use element::{ElementDerivatives, Spectrum, centred_logs};
 pub use extremes::{TetFunction, log_dilatations};
 pub use iterate::Iterate;
+pub use opening::opening;
 pub use primal_dual::{NearActive, PrimalDual};
 pub use soft_max::SoftMax;
 pub use unknowns::{Freedom, Unknowns};

@@ -15,38 +15,51 @@ pub enum Freedom {
 
 /// For each vertex of a mesh how it may move. What varies has three coordinates in all systems; those of a vertex on a sphere
 /// are kept to its tangent plane, and a step ends on the sphere again.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Unknowns(Vec<Freedom>);
+#[derive(Clone, Debug, PartialEq)]
+pub struct Unknowns {
+    freedom: Vec<Freedom>,
+    least_openings: Vec<f64>,
+}
 
 impl Unknowns {
     /// Vertices that are fixed or free.
     pub fn of_mask(fixed: &[bool]) -> Self {
-        Self(fixed.iter().map(|&fixed| if fixed { Freedom::Fixed } else { Freedom::Free }).collect())
+        Self::new(fixed.iter().map(|&fixed| if fixed { Freedom::Fixed } else { Freedom::Free }).collect())
     }
 
     /// One freedom a vertex.
     pub fn new(freedom: Vec<Freedom>) -> Self {
-        Self(freedom)
+        Self { freedom, least_openings: Vec::new() }
+    }
+
+    /// The same with the least [`opening`](super::opening()) that each triangle of the mesh's boundary may come to.
+    pub fn with_least_openings(self, least_openings: Vec<f64>) -> Self {
+        Self { least_openings, ..self }
+    }
+
+    /// The least opening of each triangle of the boundary; empty where none is watched.
+    pub fn least_openings(&self) -> &[f64] {
+        &self.least_openings
     }
 
     /// Number of vertices.
     pub fn vertices(&self) -> usize {
-        self.0.len()
+        self.freedom.len()
     }
 
     /// How a vertex may move.
     pub fn of(&self, vertex: usize) -> Freedom {
-        self.0[vertex]
+        self.freedom[vertex]
     }
 
     /// Whether a vertex may not move.
     pub fn is_fixed(&self, vertex: usize) -> bool {
-        self.0[vertex] == Freedom::Fixed
+        self.freedom[vertex] == Freedom::Fixed
     }
 
     /// The vertices that may move, ascending.
     pub fn varying(&self) -> impl Iterator<Item = u32> + '_ {
-        (0..self.0.len() as u32).filter(|&v| !self.is_fixed(v as usize))
+        (0..self.freedom.len() as u32).filter(|&v| !self.is_fixed(v as usize))
     }
 
     /// Number of vertices that may move.
@@ -56,12 +69,12 @@ impl Unknowns {
 
     /// Whether a vertex may move on a sphere.
     pub fn slides(&self) -> bool {
-        self.0.contains(&Freedom::OnSphere)
+        self.freedom.contains(&Freedom::OnSphere)
     }
 
     /// Fixes a vertex.
     pub fn fix(&mut self, vertex: usize) {
-        self.0[vertex] = Freedom::Fixed;
+        self.freedom[vertex] = Freedom::Fixed;
     }
 
     /// The outer normal of a vertex's sphere at its position; `None` if it is not on one.

@@ -91,7 +91,7 @@ const SHIFTS: (f64, f64, f64) = (1e-7, 1e-9, 1e6);
 /// By what the shift is multiplied after a failure, and divided after a step.
 const SHIFT_FACTORS: (f64, f64) = (6.0, 4.0);
 
-/// How the interior-point method's systems are made positive definite.
+/// How systems with negative curvature of the tets are made positive definite.
 pub(super) enum Damping {
     /// With all vertices fixed or free.
     Negative(NegativeShare),
@@ -144,6 +144,29 @@ impl Damping {
                 *shift *= SHIFT_FACTORS.0;
                 (*shift < SHIFTS.2).then_some(())
             }
+        }
+    }
+
+    /// The gradient of an energy and the step -H^-1 g, damped until the matrix is positive definite; `None` if it never is.
+    pub(super) fn newton_direction<E: TetEnergy>(
+        &mut self,
+        assembly: &mut Assembly<'_>,
+        energy: &E,
+        iterate: &Iterate,
+    ) -> Option<(Vec<f64>, Vec<f64>)> {
+        self.measure(assembly, iterate.image());
+        loop {
+            let gradient = assembly.linearize(energy, iterate, self.negative())?;
+            let system = assembly.system();
+            system.shift_diagonal(rounding(system.largest_diagonal()));
+            self.shift(system);
+            if system.factorize().is_ok() {
+                let mut direction: Vec<f64> = gradient.iter().map(|g| -g).collect();
+                system.solve(&mut direction);
+                self.less();
+                return Some((gradient, direction));
+            }
+            self.more()?;
         }
     }
 

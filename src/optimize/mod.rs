@@ -26,13 +26,14 @@ use crate::cancel::Cancel;
 use crate::domain::Domain;
 use crate::linalg::{Method, SparseError};
 use crate::mesh::{TetId, Vec3};
-use crate::objective::{Assembly, Freedom, Iterate, Unknowns};
+use crate::objective::{Assembly, Freedom, Iterate, Unknowns, opening};
 pub use engine::{Engine, MOST_TETS_CONSERVATIVE, MOST_TETS_QUADRATIC};
 use minimax::Ending;
 pub use recorder::KktResidual;
 use recorder::{PhaseEnd, Progress, Recorder};
 pub use untangle::{
-    Freed, Refined, Shapes, Tangled, Untangled, flipped_tets, refine_and_untangle, untangle, untangle_locally,
+    Freed, Refined, Shapes, Tangled, Untangled, flipped_tets, refine_and_untangle, untangle, untangle_and_optimize,
+    untangle_locally,
 };
 
 /// Exponents of the continuation, each phase started from the last. Steps of about three: with larger ones the next
@@ -59,6 +60,10 @@ pub(crate) const OPTIMAL: f64 = 1e-6;
 /// Fall in ln K of a step which ends all but the last phase: 2e-4 was found enough, ending earlier costs more than it
 /// saves.
 const PHASE_TOLERANCE: f64 = 2e-4;
+
+/// The least opening that triangles may slide to, if they do not start below it: they reach 45 degrees about their normals, and the radial
+/// map from their cones onto the ball has K <= 4.3 (see [`opening`]).
+const LEAST_OPENING: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
 /// What is minimised.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -376,28 +381,6 @@ pub fn optimize_from(
     Ok(Outcome { positions: image, stop, kkt, multipliers, trace: recorder.rows })
 }
 
-/// Frees a start of flipped tets if it has any, then optimizes; if some resist, the least flipped map is the outcome.
-///
-/// # Errors
-/// As [`untangle()`] and [`optimize`].
-pub fn untangle_and_optimize(
-    domain: &Domain,
-    start: &[Vec3],
-    fixed: &[bool],
-    settings: &OptimizeSettings,
-    observe: &mut dyn FnMut(&TraceRow),
-) -> Result<(Untangled, Outcome), OptimizeError> {
-    let settings = &settings.starting_now();
-    let untangled = untangle(domain, start, fixed, settings, observe)?;
-    let outcome = if untangled.resisting.is_empty() {
-        optimize(domain, &untangled.positions, fixed, settings, observe)?
-    } else {
-        let stop = StopReason::of(&settings.cancel).unwrap_or(StopReason::StillFlipped);
-        Outcome { stop, ..Outcome::still_flipped(untangled.positions.clone()) }
-    };
-    Ok((untangled, outcome))
-}
-
 /// What varies.
 fn unknowns(
     domain: &Domain,
@@ -420,7 +403,10 @@ fn unknowns(
         (true, false) => Freedom::Fixed,
         (false, false) => Freedom::Free,
     };
-    Ok(Unknowns::new(fixed.iter().zip(boundary).map(freedom).collect()))
+    let openings =
+        domain.boundary().triangles().iter().map(|t| opening(t.map(|v| &start[v.index()])).min(LEAST_OPENING));
+    let freedom = fixed.iter().zip(boundary).map(freedom).collect();
+    Ok(Unknowns::new(freedom).with_least_openings(openings.collect()))
 }
 
 /// How the soft maxima's Newton systems are solved.

@@ -1,6 +1,6 @@
 //! Projected Newton on the soft maximum at one exponent.
 
-use super::damping::Shift;
+use super::damping::{Damping, Shift};
 use super::line_search::{ARMIJO, dot, line_search};
 use super::recorder::PhaseEnd;
 use super::{Progress, Recorder};
@@ -9,6 +9,10 @@ use crate::objective::{Assembly, Iterate, SoftMax};
 /// Longest multiple of the Newton step tried: ln of a sum has a negative rank-one term that makes the projected Newton
 /// step too short by the factor that Sherman-Morrison gives, which is unbounded.
 const LONGEST_STEP: f64 = 10.0;
+
+/// Steps of a phase after which the tets' negative curvature is kept as well: without it, steps at a map of thin tets are hundreds of times
+/// too short. The first steps, from farther away, are better without.
+const PATIENCE: usize = 20;
 
 /// Minimises E_p from `iterate` until a step lowers it by less than `tolerance` (in ln K).
 pub(super) fn soft_max_phase(
@@ -20,19 +24,27 @@ pub(super) fn soft_max_phase(
 ) -> PhaseEnd {
     let phase = format!("p={exponent}");
     let mut shift = Shift::new();
+    let mut damping = Damping::new(assembly);
+    let mut steps = 0;
     assembly.system().heed(recorder.cancel());
     loop {
         let Some(largest) = iterate.largest_log() else { return PhaseEnd::NoProgress };
         let energy = SoftMax::new(exponent, largest);
-        let (Some(sum), Some(gradient)) = (assembly.value(&energy, iterate), assembly.linearize(&energy, iterate, 0.0))
-        else {
-            return PhaseEnd::NoProgress;
+        let Some(sum) = assembly.value(&energy, iterate) else { return PhaseEnd::NoProgress };
+        let newton = if steps < PATIENCE {
+            assembly.linearize(&energy, iterate, 0.0).and_then(|gradient| {
+                let direction = shift.newton_direction(assembly, &gradient)?;
+                Some((gradient, direction))
+            })
+        } else {
+            damping.newton_direction(assembly, &energy, iterate)
         };
-        let Some(direction) = shift.newton_direction(assembly, &gradient) else { return PhaseEnd::NoProgress };
+        let Some((gradient, direction)) = newton else { return PhaseEnd::NoProgress };
         // A solve that was cut short is no direction to search along.
         if recorder.cancel().is_due() {
             return PhaseEnd::Interrupted;
         }
+        steps += 1;
         let decrement = -dot(&gradient, &direction) / sum;
         if decrement <= 0.0 {
             return PhaseEnd::Converged;

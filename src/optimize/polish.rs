@@ -58,7 +58,8 @@ pub(super) fn lower_mean(
         let trial = assembly.at(between.collect());
         let dilatations = || trial.decompositions().iter().map(|tet| Dilatation::of_singular_values(tet.values).k());
         let mean = dilatations().sum::<f64>() / trial.decompositions().len() as f64;
-        if dilatations().all(|k| k <= cap) && mean <= mean_before {
+        let turned = assembly.turned_triangle(trial.image()).is_some();
+        if dilatations().all(|k| k <= cap) && mean <= mean_before && !turned {
             recorder.record("mean", mean.ln(), share, &trial);
             return Ok((end, Some(trial.into_image())));
         }

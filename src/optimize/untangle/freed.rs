@@ -3,7 +3,9 @@
 use super::{Shapes, Untangled, refine_and_untangle, untangle, untangle_locally};
 use crate::domain::Domain;
 use crate::mesh::Vec3;
-use crate::optimize::{OptimizeError, OptimizeSettings, Outcome, StopReason, TraceRow, optimize};
+use crate::optimize::{
+    BoundaryValues, OptimizeError, OptimizeSettings, Outcome, Polish, StopReason, TraceRow, optimize,
+};
 
 /// What a map without flipped tets is sought from.
 #[derive(Clone, Debug)]
@@ -54,13 +56,7 @@ impl Tangled<'_> {
         let fixed = self.fixed;
         let freed = self.free(settings, observe)?;
         let fixed = fixed.unwrap_or(freed.domain.boundary().vertex_mask());
-        let positions = &freed.untangled.positions;
-        let outcome = if freed.untangled.resisting.is_empty() {
-            optimize(&freed.domain, positions, fixed, settings, observe)?
-        } else {
-            let stop = StopReason::of(&settings.cancel).unwrap_or(StopReason::StillFlipped);
-            Outcome { stop, ..Outcome::still_flipped(positions.clone()) }
-        };
+        let outcome = optimize_untangled(&freed.domain, &freed.untangled, fixed, settings, observe)?;
         Ok((freed, outcome))
     }
 
@@ -132,4 +128,55 @@ struct Attempt {
     untangled: Untangled,
     refinement_splits: usize,
     is_second: bool,
+}
+
+/// Frees a start of flipped tets if it has any, then optimizes; if some resist, the least flipped map is the outcome.
+///
+/// # Errors
+/// As [`untangle()`] and [`optimize()`].
+pub fn untangle_and_optimize(
+    domain: &Domain,
+    start: &[Vec3],
+    fixed: &[bool],
+    settings: &OptimizeSettings,
+    observe: &mut dyn FnMut(&TraceRow),
+) -> Result<(Untangled, Outcome), OptimizeError> {
+    let settings = &settings.starting_now();
+    let untangled = untangle(domain, start, fixed, settings, observe)?;
+    let outcome = optimize_untangled(domain, &untangled, fixed, settings, observe)?;
+    Ok((untangled, outcome))
+}
+
+/// Optimizes what was untangled, unless some tets resist. After flips a boundary slides only once all is optimized with its values fixed:
+/// far from good, thin tets turn on the sphere by little at each step, and hundreds of steps lead nowhere.
+fn optimize_untangled(
+    domain: &Domain,
+    untangled: &Untangled,
+    fixed: &[bool],
+    settings: &OptimizeSettings,
+    observe: &mut dyn FnMut(&TraceRow),
+) -> Result<Outcome, OptimizeError> {
+    if !untangled.resisting.is_empty() {
+        let stop = StopReason::of(&settings.cancel).unwrap_or(StopReason::StillFlipped);
+        return Ok(Outcome { stop, ..Outcome::still_flipped(untangled.positions.clone()) });
+    }
+    if untangled.iterations == 0 || settings.boundary_values == BoundaryValues::Fixed {
+        return optimize(domain, &untangled.positions, fixed, settings, observe);
+    }
+    let held = OptimizeSettings { boundary_values: BoundaryValues::Fixed, polish: Polish::None, ..settings.clone() };
+    let first = optimize(domain, &untangled.positions, fixed, &held, observe)?;
+    let done = first.trace.len();
+    let max_iterations = settings.max_iterations.saturating_sub(done);
+    if max_iterations == 0 || settings.cancel.is_due() {
+        return Ok(first);
+    }
+    let seconds = first.trace.last().map_or(0.0, |row| row.seconds);
+    // Row 0 of the second is the last map of the first once more.
+    let in_sequence =
+        |row: &TraceRow| TraceRow { iteration: done + row.iteration, seconds: seconds + row.seconds, ..row.clone() };
+    let mut told = |row: &TraceRow| observe(&in_sequence(row));
+    let settings = OptimizeSettings { max_iterations, ..settings.clone() };
+    let second = optimize(domain, &first.positions, fixed, &settings, &mut told)?;
+    let trace = first.trace.into_iter().chain(second.trace.iter().map(in_sequence)).collect();
+    Ok(Outcome { trace, ..second })
 }
