@@ -1,5 +1,6 @@
 //! The sum over tets: value, gradient and Hessian of an energy with respect to the free vertices, in a fixed order.
 
+use std::cmp::Ordering;
 use std::ops::Range;
 
 use rayon::prelude::*;
@@ -170,7 +171,7 @@ impl<'d> Assembly<'d> {
     fn close(&self, image: &[Vec3], moved: &mut [Vec3]) {
         for round in 0.. {
             let too_open = |moved: &[Vec3], &(triangle, least): &(&[VertexId; 3], f64)| {
-                !(opening(triangle.map(|v| &moved[v.index()])) >= least)
+                opening(triangle.map(|v| &moved[v.index()])).partial_cmp(&least).is_none_or(Ordering::is_lt)
             };
             let mut vertices: Vec<usize> = self
                 .watched()
