@@ -66,13 +66,18 @@ fn row<'a>(section: &'a str, name: &str) -> Vec<&'a str> {
 #[test]
 fn the_table_has_our_figures_and_those_of_the_peers() {
     let folder = folder();
-    let output = bench(folder.path(), "bench bench.toml meshes --peers peers.csv");
+    // In two files.
+    let (of_a, of_b) = PEERS.split_at(PEERS.find("b,").unwrap());
+    let header = of_a.lines().next().unwrap();
+    fs::write(folder.path().join("a.csv"), of_a).unwrap();
+    fs::write(folder.path().join("b.csv"), format!("{header}\n{of_b}")).unwrap();
+    let output = bench(folder.path(), "bench bench.toml meshes --peers a.csv --peers b.csv");
     let said = String::from_utf8_lossy(&output.stdout);
     assert!(output.status.success(), "{said}\n{}", String::from_utf8_lossy(&output.stderr));
     assert!(said.starts_with("a ") && said.contains("\nb ") && said.contains("results/bench.md"), "{said}");
     let text = fs::read_to_string(folder.path().join("results/bench.md")).unwrap();
     for words in [
-        "qcball bench bench.toml meshes --peers peers.csv",
+        "qcball bench bench.toml meshes --peers a.csv --peers b.csv",
         "max_iterations = 40",
         "1 threads a mesh",
         "under other load",

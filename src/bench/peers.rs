@@ -28,6 +28,14 @@ pub struct PeerRow {
 pub struct Peers(BTreeMap<String, Vec<PeerRow>>);
 
 impl Peers {
+    /// These and others.
+    pub fn with(mut self, others: Self) -> Self {
+        for (mesh, rows) in others.0 {
+            self.0.entry(mesh).or_default().extend(rows);
+        }
+        self
+    }
+
     /// Reads a CSV file with the columns mesh, peer, max_k, mean_k and cpu_seconds; a row with `-` for a figure is of a
     /// program that gave none, and is skipped.
     ///

@@ -97,7 +97,7 @@ fn our_row(name: &str, figures: &Figures) -> String {
 fn beside_peers(rows: &[Row], peers: &Peers) -> String {
     let mut text = String::from(
         "\n## Beside other programs\n\n\
-         Their figures and times are those of the file given with `--peers`: measured earlier, under other load, on the meshes \
+         Their figures and times are those of the files given with `--peers`: measured earlier, under other load, on the meshes \
          as they are in the folder. *K ratio* and *mean ratio*: ours over that of the program with the \
          least max K; below 1 is better. *Until its K*: our CPU seconds until our max K was that program's final one, over its \
          CPU seconds. Ours are the clock's seconds of the trace, untangling included, times the share of the processor that \

@@ -19,9 +19,9 @@ pub(crate) struct BenchArguments {
     config: PathBuf,
     /// The folder: every NAME-rest.mesh (or another format) is optimized, from NAME-init.mesh or else the radial map.
     meshes: PathBuf,
-    /// Figures of other programs: CSV with the columns mesh, peer, max_k, mean_k and cpu_seconds.
+    /// Figures of other programs: CSV with the columns mesh, peer, max_k, mean_k and cpu_seconds; may be given several times.
     #[arg(long, value_name = "FILE")]
-    peers: Option<PathBuf>,
+    peers: Vec<PathBuf>,
     /// The table, in Markdown; written anew after each mesh.
     #[arg(long, value_name = "FILE", default_value = "results/bench.md")]
     out: PathBuf,
@@ -37,7 +37,8 @@ pub(crate) struct BenchArguments {
 pub(super) fn bench(arguments: &BenchArguments, program: &Path, words: &[OsString]) -> Result<Ending, Failure> {
     let plan = BenchPlan::read(&arguments.config)?;
     let cases = bench::cases(&arguments.meshes, &arguments.only)?;
-    let peers = arguments.peers.as_deref().map(Peers::read).transpose()?;
+    let peers: Vec<Peers> = arguments.peers.iter().map(|path| Peers::read(path)).collect::<Result<_, _>>()?;
+    let peers = peers.into_iter().reduce(Peers::with);
     let command: Vec<_> = words.iter().map(|word| word.to_string_lossy()).collect();
     let threads = arguments.threads.map_or(plan.threads, usize::from);
     let conditions = Conditions::now(format!("qcball {}", command.join(" ")), threads);

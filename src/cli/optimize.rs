@@ -14,7 +14,7 @@ use crate::cancel::Cancel;
 use crate::config::optimize_settings;
 use crate::experiment::{RunError, Stage, on_threads, optimize_map, read_locks};
 use crate::mesh::io::{CellData, WriteError, check_file_can_be_put, check_tets_can_be_written, shown_path, write_tets};
-use crate::optimize::{BoundaryValues, Engine, Objective, OptimizeSettings, Polish, StopReason};
+use crate::optimize::{BoundaryValues, Effort, Engine, Objective, OptimizeSettings, Polish, StopReason};
 use crate::refine::{Budget, RefineSettings};
 use crate::report::{map_summary, to_json, write_trace};
 
@@ -34,7 +34,7 @@ pub(crate) struct OptimizeArguments {
     #[arg(
         long,
         value_name = "CONFIG.toml",
-        conflicts_with_all = ["sliding", "soft_max", "engine", "no_polish", "tolerance", "max_iterations", "time_limit"],
+        conflicts_with_all = ["sliding", "soft_max", "engine", "no_polish", "effort", "tolerance", "max_iterations", "time_limit"],
     )]
     config: Option<PathBuf>,
     /// Let the vertices of the boundary move on the sphere about the origin on which INIT must have them.
@@ -58,6 +58,9 @@ pub(crate) struct OptimizeArguments {
     /// Do not lower the mean under a cap after the largest K is settled.
     #[arg(long)]
     no_polish: bool,
+    /// How much work the largest K is worth.
+    #[arg(long, value_name = "NAME", default_value = "normal")]
+    effort: Effort,
     /// Accuracy in ln K at which the last phase ends.
     #[arg(long, default_value_t = OptimizeSettings::default().tolerance, allow_negative_numbers = true, value_parser = positive)]
     tolerance: f64,
@@ -104,6 +107,7 @@ pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure>
         polish: if arguments.no_polish { Polish::None } else { Polish::Mean },
         rise: OptimizeSettings::default().rise,
         boundary_values: if arguments.sliding { BoundaryValues::Sliding } else { BoundaryValues::Fixed },
+        effort: arguments.effort,
         tolerance: arguments.tolerance,
         max_iterations: arguments.max_iterations,
         time_limit: arguments.time_limit.map(Duration::from_secs_f64),

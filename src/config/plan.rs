@@ -299,6 +299,7 @@ pub(super) fn optimize(config: &Config) -> Result<OptimizeSettings, Fault> {
         polish: polish(table, default.polish)?,
         rise: rise(table, default.rise)?,
         boundary_values,
+        effort: table.effort,
         tolerance: positive(table.tolerance, default.tolerance, &["optimize", "tolerance"])?,
         max_iterations: whole(table.max_iterations, default.max_iterations as i64, 0..=1_000_000_000, &key)?,
         time_limit: table.time_limit.map(|given| duration(given, 600.0, &["optimize", "time_limit"])).transpose()?,

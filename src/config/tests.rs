@@ -2,7 +2,7 @@ use std::path::Path;
 
 use super::*;
 use crate::mesh::Vec3;
-use crate::optimize::{Engine, Objective, OptimizeSettings};
+use crate::optimize::{Effort, Engine, Objective, OptimizeSettings};
 use crate::refine::{Budget, RefineSettings};
 use crate::solid::{CentreChoice, ExternalMesher, ExternalSettings, Refinement, ShellSettings, Sizing, Solid};
 
@@ -42,7 +42,7 @@ fn every_key_arrives() {
     let text = "name = \"fine\"\nseed = 7\nthreads = 2\n[domain]\nsolid = \"star-harmonics\"\namplitude = 0.5\n\
                 degree = 6\nresolution = 16\ncentre = [0, 0.5, 1]\n[mesh]\nkind = \"shell\"\nsubdivisions = 2\ncells = 1000\nlayers = 3\n\
                 grading = 1.5\n[map]\nkind = \"radial\"\nexponent = 2\n[optimize]\nobjective = \"soft-max\"\n\
-                exponent = 16\nengine = \"lbfgs\"\ntolerance = 1e-3\nmax_iterations = 9\ntime_limit = 0.5\n\
+                exponent = 16\nengine = \"lbfgs\"\neffort = \"quick\"\ntolerance = 1e-3\nmax_iterations = 9\ntime_limit = 0.5\n\
                 [bounds]\ncertify = true\ncertify_time_limit = 2.5";
     let plan = plan(text, &[]).unwrap();
     assert_eq!((plan.name.as_str(), plan.seed, plan.threads), ("fine", 7, Some(2)));
@@ -57,6 +57,7 @@ fn every_key_arrives() {
         polish: OptimizeSettings::default().polish,
         rise: OptimizeSettings::default().rise,
         boundary_values: Default::default(),
+        effort: Effort::Quick,
         tolerance: 1e-3,
         max_iterations: 9,
         time_limit: Some(std::time::Duration::from_millis(500)),
@@ -340,7 +341,7 @@ fn the_schema_describes_every_key() {
         }
         assert_eq!(table["additionalProperties"], false);
     }
-    assert_eq!(described, 96, "keys in the schema");
+    assert_eq!(described, 97, "keys in the schema");
     let text = schema.to_string();
     for solid in ["\"tetrahedron\"", "\"star-polyhedron\""] {
         assert!(text.contains(solid), "{solid}");

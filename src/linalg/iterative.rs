@@ -14,7 +14,7 @@ use crate::cancel::Cancel;
 
 /// Fall of the residual, in the norm of the preconditioner, at which a solve ends: with a tenth of this Newton takes as many
 /// steps on 100,000 tets, in a quarter more time; with ten times this up to half as many steps again on 10,000.
-const REDUCTION: f64 = 1e-2;
+pub const REDUCTION: f64 = 1e-2;
 /// Most iterations of a solve; what they reached is still a direction of descent.
 const ITERATIONS: usize = 400;
 /// First multiple of the diagonal by which it is raised where the incomplete factor breaks down, and the growth of that.
@@ -36,6 +36,8 @@ pub struct BlockConjugateGradients {
     factor: Vec<Mat3>,
     /// Ends a solve at what it has reached.
     cancel: Cancel,
+    /// See [`REDUCTION`].
+    reduction: f64,
 }
 
 impl BlockConjugateGradients {
@@ -60,7 +62,16 @@ impl BlockConjugateGradients {
         }
         let values = vec![0.0; pattern.value_count()];
         let blocks = vec![Mat3::zeros(); pattern.rows.len()];
-        Self { pattern, values, left_starts, left, factor: blocks.clone(), blocks, cancel: Cancel::default() }
+        Self {
+            pattern,
+            values,
+            left_starts,
+            left,
+            factor: blocks.clone(),
+            blocks,
+            cancel: Cancel::default(),
+            reduction: REDUCTION,
+        }
     }
 
     /// Start of each block column in [`Self::rows`].
@@ -97,9 +108,10 @@ impl BlockConjugateGradients {
         self.pattern.diagonal().map(|entry| self.values[entry]).fold(0.0, f64::max)
     }
 
-    /// From now on solves end early when this is due: on a million tets one takes tens of seconds.
-    pub fn heed(&mut self, cancel: &Cancel) {
-        self.cancel = cancel.clone();
+    /// From now on solves end when the residual has fallen to this share, or early when `cancel` is due: on a million tets one takes
+    /// seconds.
+    pub fn end_at(&mut self, reduction: f64, cancel: &Cancel) {
+        (self.reduction, self.cancel) = (reduction, cancel.clone());
     }
 
     /// The product of the matrix of the present values with a vector.
@@ -210,7 +222,7 @@ impl BlockConjugateGradients {
         }
     }
 
-    /// Replaces the right-hand side by an approximate solution, to a hundredth of the residual or to where the curvature
+    /// Replaces the right-hand side by an approximate solution, to a share of the residual, [`REDUCTION`] if nothing else was said, or to where the curvature
     /// is not positive or the iterations are used up or it is cancelled. The solution's product with the right-hand side is positive.
     pub fn solve(&self, right_hand_side: &mut [f64]) {
         let mut residual: Vec<Vec3> = right_hand_side.chunks_exact(3).map(Vec3::from_column_slice).collect();
@@ -222,7 +234,7 @@ impl BlockConjugateGradients {
         let first = dot(&residual, &preconditioned);
         let mut square = first;
         for iteration in 0..ITERATIONS {
-            if square <= REDUCTION * REDUCTION * first || iteration > 0 && self.cancel.is_due() {
+            if square <= self.reduction * self.reduction * first || iteration > 0 && self.cancel.is_due() {
                 break;
             }
             self.multiply_into(&direction, &mut product);

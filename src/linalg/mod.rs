@@ -8,7 +8,7 @@ mod sparse;
 mod svd;
 mod system;
 
-pub use iterative::BlockConjugateGradients;
+pub use iterative::{BlockConjugateGradients, REDUCTION};
 pub use ordering::reverse_cuthill_mckee;
 pub use sparse::{BlockCholesky, SparseError};
 pub use svd::{LANES, Svd, svd, svds};

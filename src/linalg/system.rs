@@ -42,10 +42,10 @@ impl NewtonSystem {
         })
     }
 
-    /// From now on iterative solves end early, at what they have reached, when this is due.
-    pub fn heed(&mut self, cancel: &Cancel) {
+    /// From now on iterative solves end when the residual has fallen to this share, or at what they have reached when `cancel` is due.
+    pub fn end_at(&mut self, reduction: f64, cancel: &Cancel) {
         if let Self::Iterative(system) = self {
-            system.heed(cancel);
+            system.end_at(reduction, cancel);
         }
     }
 

@@ -3,13 +3,11 @@
 use super::interior_point::{Goal, Settled, interior_point_phase};
 use super::recorder::{PhaseEnd, Recorder};
 use super::region::{Region, changeable};
-use super::{KktResidual, OPTIMAL};
+use super::{KktResidual, OPTIMAL, OptimizeSettings};
 use crate::linalg::{Method, SparseError};
 use crate::mesh::{TetId, Vec3};
 use crate::objective::{Assembly, log_dilatations};
 
-/// Most free vertices that are solved for at once, directly: 2 s a step.
-pub(super) const MOST_FREE: usize = 20_000;
 /// Share of the largest ln K above which a tet belongs to the region, from round to round, with the rings of tets about it.
 const ROUNDS: [(f64, usize); 5] = [(0.8, 2), (0.7, 3), (0.6, 4), (0.5, 5), (0.0, 0)];
 
@@ -28,14 +26,15 @@ pub(super) enum Ending {
 pub(super) fn minimax(
     whole: &Assembly<'_>,
     image: &mut [Vec3],
-    tolerance: f64,
+    settings: &OptimizeSettings,
     recorder: &mut Recorder<'_>,
 ) -> Result<Ending, SparseError> {
+    let (tolerance, most) = (settings.tolerance, settings.effort.most_free());
     let free = whole.free().len();
     let mut last = None;
     // Sliding regions have no boundary whose triangles could be watched: they are taken whole.
     if whole.unknowns().slides() {
-        if free > MOST_FREE {
+        if free > most {
             return Ok(Ending::TooWide);
         }
         let mut assembly = Assembly::new(whole.domain(), whole.unknowns(), Method::Direct)?;
@@ -49,7 +48,7 @@ pub(super) fn minimax(
         return Ok(Ending::Settled(settled.end, kkt.flatten()));
     }
     for (share, rings) in ROUNDS {
-        let Some(region) = Region::of_large_dilatation(whole, image, share, rings, MOST_FREE) else {
+        let Some(region) = Region::of_large_dilatation(whole, image, share, rings, most) else {
             break;
         };
         let mut assembly = Assembly::new(&region.domain, &region.unknowns, Method::Direct)?;
@@ -82,7 +81,7 @@ pub(super) fn next_levels(
     whole: &Assembly<'_>,
     image: &mut [Vec3],
     levels: usize,
-    tolerance: f64,
+    settings: &OptimizeSettings,
     recorder: &mut Recorder<'_>,
 ) -> Result<PhaseEnd, SparseError> {
     let mut held = whole.unknowns().clone();
@@ -99,7 +98,7 @@ pub(super) fn next_levels(
             break;
         }
         let part = Assembly::new(whole.domain(), &held, Method::Iterative)?;
-        if let Ending::Settled(PhaseEnd::Interrupted, _) = minimax(&part, image, tolerance, recorder)? {
+        if let Ending::Settled(PhaseEnd::Interrupted, _) = minimax(&part, image, settings, recorder)? {
             return Ok(PhaseEnd::Interrupted);
         }
     }

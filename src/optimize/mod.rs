@@ -4,6 +4,7 @@
 //! interior-point method. Every accepted step keeps all image determinants positive, so a bijective start stays one.
 
 mod argmin_phase;
+mod choices;
 mod damping;
 mod displacement;
 mod engine;
@@ -27,6 +28,7 @@ use crate::domain::Domain;
 use crate::linalg::{Method, SparseError};
 use crate::mesh::{TetId, Vec3};
 use crate::objective::{Assembly, Freedom, Iterate, Unknowns, opening};
+pub use choices::{BoundaryValues, Effort, Objective, Polish};
 pub use engine::{Engine, MOST_TETS_CONSERVATIVE, MOST_TETS_QUADRATIC};
 use minimax::Ending;
 pub use recorder::KktResidual;
@@ -65,41 +67,6 @@ const PHASE_TOLERANCE: f64 = 2e-4;
 /// map from their cones onto the ball has K <= 4.3 (see [`opening`]).
 const LEAST_OPENING: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
-/// What is minimised.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Objective {
-    /// The largest K of all tets.
-    Max,
-    /// The soft maximum E_p with this exponent p > 0.
-    SoftMax(f64),
-}
-
-/// What is done after the largest K is settled.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Polish {
-    /// The mean is lowered while max K may rise by [`OptimizeSettings::rise`].
-    Mean,
-    /// The next largest K is settled with the tets of the largest one held, and so on.
-    Lexicographic {
-        /// Number of values settled, the largest one included.
-        levels: usize,
-    },
-    /// Nothing.
-    None,
-}
-
-/// What becomes of fixed vertices on the boundary.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
-#[serde(rename_all = "kebab-case")]
-pub enum BoundaryValues {
-    /// They stay where they are.
-    #[default]
-    Fixed,
-    /// They may move on the sphere about the origin on which they must be.
-    Sliding,
-}
-
 /// The settings of one optimisation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OptimizeSettings {
@@ -114,7 +81,9 @@ pub struct OptimizeSettings {
     pub rise: f64,
     /// Whether the boundary slides.
     pub boundary_values: BoundaryValues,
-    /// Accuracy in ln K at which the last phase ends, > 0.
+    /// How much work the largest K is worth.
+    pub effort: Effort,
+    /// Accuracy in ln K at which the last phase ends, > 0; with [`Effort::Quick`] it ends at 5e-3 in any case.
     pub tolerance: f64,
     /// Most iterations over all phases.
     pub max_iterations: usize,
@@ -140,6 +109,7 @@ impl Default for OptimizeSettings {
             polish: Polish::Mean,
             rise: 2e-4,
             boundary_values: BoundaryValues::Fixed,
+            effort: Effort::Normal,
             tolerance: 1e-6,
             max_iterations: 1000,
             time_limit: None,
@@ -321,6 +291,8 @@ pub fn optimize_from(
     settings: &OptimizeSettings,
     observe: &mut dyn FnMut(&TraceRow),
 ) -> Result<Outcome, OptimizeError> {
+    let tolerance = settings.tolerance.max(settings.effort.least_tolerance());
+    let settings = &OptimizeSettings { tolerance, ..settings.clone() };
     settings.engine.check(settings.objective, settings.boundary_values)?;
     settings.engine.check_size(domain.mesh().tets().len())?;
     let unknowns = unknowns(domain, start, fixed, settings.boundary_values)?;
@@ -364,7 +336,7 @@ pub fn optimize_from(
         // Below K = 1 there is nothing to gain; after a limit the map may still have a better mean, but not after a cancel.
         let gains = recorder.best_k.ln() > settings.tolerance && recorder.iterations_left() > 0;
         if polished && gains && stop != StopReason::Cancelled {
-            let (end, lowered) = polish::lower_mean(&mut assembly, settings.rise, &mut recorder)?;
+            let (end, lowered) = polish::lower_mean(&mut assembly, settings.rise, settings.tolerance, &mut recorder)?;
             if end == PhaseEnd::Interrupted {
                 stop = recorder.interruption();
             }
@@ -372,8 +344,7 @@ pub fn optimize_from(
         }
         if let Polish::Lexicographic { levels } = settings.polish
             && end == PhaseEnd::Converged
-            && minimax::next_levels(&assembly, &mut image, levels, settings.tolerance, &mut recorder)?
-                == PhaseEnd::Interrupted
+            && minimax::next_levels(&assembly, &mut image, levels, settings, &mut recorder)? == PhaseEnd::Interrupted
         {
             stop = recorder.interruption();
         }
@@ -467,7 +438,7 @@ fn continuation(
         return Ok((phase(assembly, iterate, exponent, settings.tolerance, recorder), None));
     }
     let mut image = iterate.image().to_vec();
-    let ending = minimax::minimax(assembly, &mut image, settings.tolerance, recorder)?;
+    let ending = minimax::minimax(assembly, &mut image, settings, recorder)?;
     *iterate = assembly.at(image);
     if let Ending::Settled(end, kkt) = ending {
         return Ok((end, kkt));
