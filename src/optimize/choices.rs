@@ -14,7 +14,7 @@ pub enum Objective {
 /// What is done after the largest K is settled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Polish {
-    /// The mean is lowered while max K may rise by [`OptimizeSettings::rise`].
+    /// The mean is lowered while max K may rise by [`rise`](super::OptimizeSettings::rise).
     Mean,
     /// The next largest K is settled with the tets of the largest one held, and so on.
     Lexicographic {
