@@ -35,9 +35,11 @@ impl Shadow {
             for j in 0..i {
                 let side = |[a, b]: [usize; 2]| {
                     let others = (0..directions.len()).filter(|&k| k != i && k != j);
-                    let left =
-                        |k: usize| triple(&directions[a], &directions[b], &directions[k]) != Orientation::Negative;
-                    others.clone().all(left).then(|| [directions[a], directions[b]])
+                    let of = |k: usize| triple(&directions[a], &directions[b], &directions[k]);
+                    let left = others.clone().all(|k| of(k) != Orientation::Negative);
+                    // Two corners on one ray from 0 make no plane: by theirs the tet would miss every cone.
+                    (left && others.clone().any(|k| of(k) == Orientation::Positive))
+                        .then(|| [directions[a], directions[b]])
                 };
                 let Some(side) = side([i, j]).or_else(|| side([j, i])) else { continue };
                 sides.push(side);
@@ -190,4 +192,18 @@ fn is_thin(corners: &[Corner]) -> bool {
     let longest = others.iter().map(|corner| spoke(corner).norm_squared()).fold(0.0, f64::max);
     // Also where one of the two is NaN.
     matches!(doubled.partial_cmp(&(THIN * longest)), None | Some(Ordering::Less | Ordering::Equal))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tet_with_an_edge_along_a_ray_misses_no_cone_that_it_meets() {
+        let corners = [Vec3::x() * 0.5, Vec3::x(), Vec3::new(1.0, 1.0, 0.0), Vec3::new(1.0, 0.0, 1.0)];
+        let shadow = Shadow::of(&corners);
+        let cone = Cone::over(&[Vec3::x(), Vec3::new(1.0, 2.0, 0.1), Vec3::new(1.0, 0.1, 2.0)]);
+        let behind = Cone::over(&[Vec3::x(), Vec3::new(1.0, -2.0, -0.1), Vec3::new(1.0, -0.1, -2.0)]);
+        assert!(!shadow.misses(&cone) && shadow.misses(&behind));
+    }
 }
