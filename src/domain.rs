@@ -10,6 +10,8 @@ pub struct Domain {
     boundary: Boundary,
     inverse_edges: Vec<Mat3>,
     volumes: Vec<f64>,
+    /// What each tet's Jacobian is multiplied by from the left; empty for nothing.
+    afterwards: Vec<Mat3>,
 }
 
 impl Domain {
@@ -42,7 +44,7 @@ impl Domain {
                 (edges.try_inverse().unwrap_or_else(|| Mat3::from_element(f64::INFINITY)), determinant / 6.0)
             })
             .unzip();
-        Self { mesh, boundary, inverse_edges, volumes }
+        Self { mesh, boundary, inverse_edges, volumes, afterwards: Vec::new() }
     }
 
     /// The domain with each tet once for each of its `factors` R, its reference matrix multiplied by R, and as it is if it has
@@ -67,8 +69,18 @@ impl Domain {
             boundary: self.boundary.clone(),
             inverse_edges: inverse_edges.collect(),
             volumes: owners.iter().map(volume).collect(),
+            afterwards: Vec::new(),
         };
         (domain, owners)
+    }
+
+    /// The same with a pair of factors R and L for each of a tet's elements, for maps whose Jacobians on a tet are L J R. No tet has
+    /// none.
+    pub(crate) fn with_factors_on_both_sides(&self, factors: &[Vec<[Mat3; 2]>]) -> Self {
+        let (domain, _) = self.with_factors(|tet| factors[tet.index()].iter().map(|[right, _]| *right).collect());
+        let first = factors.iter().map(|of_tet| of_tet[0][1]);
+        let further = factors.iter().flat_map(|of_tet| of_tet[1..].iter().map(|[_, left]| *left));
+        Self { afterwards: first.chain(further).collect(), ..domain }
     }
 
     /// Some tets as a domain of their own, with their reference matrices. Its vertices are `vertices`, ascending, in which all of
@@ -84,7 +96,14 @@ impl Domain {
             boundary: Boundary::none(vertices.len()),
             inverse_edges: tets.iter().map(|tet| self.inverse_edges[tet.index()]).collect(),
             volumes: tets.iter().map(|tet| self.volumes[tet.index()]).collect(),
+            afterwards: tets.iter().filter_map(|tet| self.afterwards.get(tet.index()).copied()).collect(),
         }
+    }
+
+    /// The same part with the boundary that it has in the mesh.
+    pub(crate) fn chamber(&self, vertices: &[u32], tets: &[TetId]) -> Self {
+        let local = |v: VertexId| VertexId(vertices.binary_search(&v.0).expect("every corner is listed") as u32);
+        Self { boundary: self.boundary.part(tets, vertices.len(), local), ..self.part(vertices, tets) }
     }
 
     /// The same domain with lengths counted in another unit.
@@ -116,7 +135,13 @@ impl Domain {
     /// The Jacobian of the piecewise-linear map that takes the mesh's vertices to `image`, on one tet.
     pub fn jacobian(&self, tet: TetId, image: &[Vec3]) -> Mat3 {
         let corners = self.mesh.tets()[tet.index()].map(|v: VertexId| image[v.index()]);
-        edge_matrix(corners) * self.inverse_edges[tet.index()]
+        let jacobian = edge_matrix(corners) * self.inverse_edges[tet.index()];
+        self.afterwards(tet).map_or(jacobian, |left| left * jacobian)
+    }
+
+    /// The matrix that the Jacobian of a tet was multiplied by from the left, if any was.
+    pub(crate) fn afterwards(&self, tet: TetId) -> Option<&Mat3> {
+        self.afterwards.get(tet.index())
     }
 
     /// The tets all of whose vertices lie on the boundary: with a fixed boundary nothing can change their dilatation.

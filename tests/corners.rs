@@ -88,6 +88,9 @@ fn a_power_at_the_corners_of_a_cube_lowers_k_and_every_file_has_it() {
 fn verify_refuses_other_exponents_and_cones() {
     let folder = tempfile::tempdir().unwrap();
     report(folder.path(), "run", &format!("{FLAGS}[boundary]\ncorners = 1.3\n"), &[]);
+    let told = fs::read_to_string(folder.path().join("run/report.json")).unwrap();
+    let told: Value = serde_json::from_str(&told).unwrap();
+    assert!(told["final"]["ball_k"]["certified"].as_f64().unwrap() > max_k(&told));
     let path = folder.path().join("run/corners.csv");
     let text = fs::read_to_string(&path).unwrap();
     let last = text.trim_end().rfind('\n').unwrap();
@@ -153,9 +156,16 @@ fn a_boundary_that_slides_leaves_the_corners_less_to_do() {
         let config = format!("{FLAGS}[boundary]\nvalues = \"{values}\"\ncorners = {exponent}\n");
         report(folder.path(), name, &config, &["--threads", "1"])
     };
+    let onto_ball = |run: &Value| run["final"]["ball_k"]["certified"].as_f64().unwrap();
     let [fixed, linear, both] = [("fixed", 1.6), ("sliding", 1.0), ("sliding", 1.6)].map(|(values, exponent)| {
         let run = of(&format!("{values}-{exponent}"), values, exponent);
         assert_eq!((run["stop"].as_str(), run["bijective"].as_bool()), (Some("optimal"), Some(true)));
+        // A quasi-conformal map of the cube onto the ball has K of 2 at least.
+        // Its dihedral angles are computed.
+        assert!(
+            onto_ball(&run) > max_k(&run)
+                && (run["ball_gap"].as_f64().unwrap() * 2.0 / onto_ball(&run) - 1.0).abs() < 1e-12
+        );
         max_k(&run)
     });
     // Of one cube's corner by itself: 4.41 sliding, 2.835 with a power as well (corners.md, §2).
@@ -163,6 +173,40 @@ fn a_boundary_that_slides_leaves_the_corners_less_to_do() {
     assert!(both > 2.0, "no quasi-conformal map of the cube goes below 2: {both}");
     let (code, said, _) = qcball(folder.path(), &["verify", "sliding-1.6"]);
     assert!(code == 0 && said.ends_with("\nverified\n"), "{said}");
+}
+
+#[test]
+fn a_symmetric_map_onto_the_ball_is_found_on_one_flag() {
+    let folder = tempfile::tempdir().unwrap();
+    let of = |name: &str, optimize: &str| {
+        let config = format!("{FLAGS}[boundary]\nvalues = \"sliding\"\ncorners = 1.6\n[optimize]\n{optimize}");
+        let run = report(folder.path(), name, &config, &["--threads", "1"]);
+        assert_eq!((run["stop"].as_str(), run["bijective"].as_bool()), (Some("optimal"), Some(true)));
+        let (code, said, _) = qcball(folder.path(), &["verify", name]);
+        assert!(code == 0 && said.ends_with("\nverified\n"), "{said}");
+        run
+    };
+    let onto_ball = |run: &Value| run["final"]["ball_k"]["certified"].as_f64().unwrap();
+    let whole = of("whole", "polish = \"none\"\n");
+    let symmetric = of("symmetric", "polish = \"none\"\nsymmetric = true\n");
+    // A local optimum each, of the same problem.
+    assert!((max_k(&symmetric) / max_k(&whole) - 1.0).abs() < 1e-3, "{} {}", max_k(&symmetric), max_k(&whole));
+    let ball = of("ball", "objective = \"ball\"\nsymmetric = true\n");
+    assert!(onto_ball(&ball) < onto_ball(&symmetric), "{} {}", onto_ball(&ball), onto_ball(&symmetric));
+    assert!(max_k(&ball) >= max_k(&symmetric));
+    let askew = FLAGS.replace("[mesh]", "centre = [0.1, 0.2, 0.3]\n[mesh]");
+    for (config, part) in [
+        (format!("{askew}[optimize]\nsymmetric = true\n"), "the mesh has no mirror plane through the star centre"),
+        (format!("{FLAGS}[optimize]\nobjective = \"ball\"\nexponent = 2\n"), "takes no `exponent`"),
+        (
+            format!("{FLAGS}[optimize]\nsymmetric = true\n[refine]\nrounds = 1\n"),
+            "refinement knows nothing of mirror planes",
+        ),
+    ] {
+        fs::write(folder.path().join("a.toml"), &config).unwrap();
+        let (code, _, err) = qcball(folder.path(), &["run", "a.toml", "--out", "run"]);
+        assert!(code == 2 && err.contains(part), "{config}: {err}");
+    }
 }
 
 #[test]

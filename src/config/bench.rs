@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::error::{ConfigError, Fault};
 use super::limits::whole;
-use super::{ConfigSource, plan};
+use super::{Config, ConfigSource, ObjectiveName, OptimizeTable, plan};
 use crate::optimize::OptimizeSettings;
 
 /// How a folder of meshes is optimised.
@@ -30,7 +30,7 @@ impl BenchPlan {
                     return Err(Fault::at(&[key], message, "keep `threads` and the table [optimize] only"));
                 }
             }
-            plan::optimize(&config)?;
+            of_given_maps(&config)?;
             whole(config.threads, 1, 0..=1024, &["threads"])
         };
         match made() {
@@ -46,5 +46,17 @@ impl BenchPlan {
 /// The first fault, with the file, line and key to blame, and what to do.
 pub fn optimize_settings(path: &Path) -> Result<OptimizeSettings, ConfigError> {
     let (source, config) = ConfigSource::read(path, &[])?;
-    plan::optimize(&config).map_err(|fault| source.error(fault))
+    of_given_maps(&config).map_err(|fault| source.error(fault))
+}
+
+/// The settings that a map without a solid behind it can be optimized with.
+fn of_given_maps(config: &Config) -> Result<OptimizeSettings, Fault> {
+    let OptimizeTable { symmetric, objective, .. } = config.optimize;
+    let key = match (symmetric, objective) {
+        (true, _) => "symmetric",
+        (_, ObjectiveName::Ball) => "objective",
+        _ => return plan::optimize(config),
+    };
+    let message = format!("`optimize.{key}` asks for what only `qcball run` can do");
+    Err(Fault::at(&["optimize", key], message, "remove the key, or write a config with the solid"))
 }

@@ -344,6 +344,9 @@ pub enum MapKind {
 pub struct OptimizeTable {
     /// What is made small. Default: "max", the largest K of any tetrahedron.
     pub objective: ObjectiveName,
+    /// Whether to look for a map that commutes with the mirror planes of the mesh through the star centre, on one of the parts between
+    /// them: for solids and meshes that have such planes, as those of mesh.kind = "flag" have the solid's. Default: false.
+    pub symmetric: bool,
     /// Exponent p > 0 of the objective "soft-max", which needs it and alone takes it.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub exponent: Option<f64>,
@@ -475,6 +478,8 @@ pub enum ObjectiveName {
     Max,
     /// One soft maximum.
     SoftMax,
+    /// K onto the ball, of the map followed by the radial map of its image onto the ball: rounds of "max" with the latter's shears held.
+    Ball,
 }
 
 /// Either kind of config file.

@@ -47,6 +47,10 @@ pub struct Plan {
     pub corners: CornerChoice,
     /// How the map is improved.
     pub optimize: OptimizeSettings,
+    /// Whether the map is to commute with the mesh's mirror planes.
+    pub symmetric: bool,
+    /// Whether K onto the ball is made small rather than that onto the polyhedron.
+    pub onto_ball: bool,
     /// How the mesh is refined where the largest K sits; none if it stays as it is.
     pub refine: Option<RefineSettings>,
     /// The longest search for a Gram certificate; none if there shall be no search.
@@ -113,6 +117,8 @@ impl Plan {
             collar: boundary::collar(config, &mesh)?,
             mesh,
             domain,
+            symmetric: config.optimize.symmetric,
+            onto_ball: config.optimize.objective == ObjectiveName::Ball,
             refine: refine::plan(config, &corners)?,
             corners,
             map,
@@ -273,10 +279,11 @@ pub(super) fn optimize(config: &Config) -> Result<OptimizeSettings, Fault> {
     let default = OptimizeSettings::default();
     let key = ["optimize", "exponent"];
     let objective = match (table.objective, table.exponent) {
-        (ObjectiveName::Max, None) => Objective::Max,
+        (ObjectiveName::Max | ObjectiveName::Ball, None) => Objective::Max,
         (ObjectiveName::SoftMax, Some(exponent)) => Objective::SoftMax(positive(Some(exponent), 48.0, &key)?),
-        (ObjectiveName::Max, Some(_)) => {
-            let message = "the objective \"max\" takes no `exponent`".to_string();
+        (name @ (ObjectiveName::Max | ObjectiveName::Ball), Some(_)) => {
+            let name = if name == ObjectiveName::Max { "max" } else { "ball" };
+            let message = format!("the objective \"{name}\" takes no `exponent`");
             return Err(Fault::at(&key, message, "remove it, or add objective = \"soft-max\""));
         }
         (ObjectiveName::SoftMax, None) => {
@@ -334,7 +341,7 @@ fn polish(table: &OptimizeTable, default: Polish) -> Result<Polish, Fault> {
             Ok(Polish::Lexicographic { levels: whole(table.levels, 3, 2..=1_000_000, &key)? })
         }
         (Some(PolishName::None), ObjectiveName::Max) => Ok(Polish::None),
-        (Some(_), ObjectiveName::SoftMax) => {
+        (Some(_), ObjectiveName::SoftMax | ObjectiveName::Ball) => {
             let message = "only the objective \"max\" is polished".to_string();
             Err(Fault::at(&["optimize", "polish"], message, "remove it, or use objective = \"max\""))
         }

@@ -72,6 +72,9 @@ pub(super) fn plan(config: &Config, corners: &CornerChoice) -> Result<Option<Ref
             "remove it, or boundary.values",
         );
     }
+    if config.optimize.symmetric {
+        return refuse("refinement knows nothing of mirror planes", "remove it, or optimize.symmetric");
+    }
     if *corners != CornerChoice::Linear {
         return refuse("only piecewise-linear maps can be refined", "remove it, or boundary.corners");
     }

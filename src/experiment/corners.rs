@@ -4,12 +4,14 @@ use std::collections::HashMap;
 use std::f64::consts::TAU;
 
 use super::error::Fault;
+use super::start::Start;
+use crate::config::Plan;
 use crate::domain::Domain;
 use crate::map::corner::solid_angles;
 use crate::map::{Cone, CornerChoice, Corners};
 use crate::measure::measure_elements;
-use crate::mesh::{BoundaryEdges, Features, Vec3, VertexId};
-use crate::optimize::{OptimizeSettings, Outcome, Polish, TraceRow, Untangled, untangle_and_optimize};
+use crate::mesh::{BoundaryEdges, Features, Mirrors, Vec3, VertexId};
+use crate::optimize::{OptimizeSettings, Outcome, Polish, StopReason, TraceRow, Untangled, Warped, untangle};
 use crate::solid::{Flag, FlagMesh};
 
 /// The exponent of a corner of solid angle omega is (2 pi / omega)^s; with s = 1/2 the bound
@@ -71,31 +73,62 @@ fn by_power(domain: &Domain, vertices: &[VertexId], power: f64) -> HashMap<Verte
     vertices.iter().zip(angles).map(|(&vertex, angle)| (vertex, (TAU / angle).powf(power))).collect()
 }
 
-/// Optimizes the images of the vertices for the exponents that `corners` has; if they are to be found, for those of the
-/// least largest K in a golden section over s. Gives the corners with the exponents arrived at.
-pub(super) fn optimize_corners(
-    domain: &Domain,
-    start: &[Vec3],
-    corners: Corners,
-    choice: CornerChoice,
-    settings: &OptimizeSettings,
-    observe: &mut dyn FnMut(&TraceRow),
-) -> Result<(Untangled, Outcome, Corners), Fault> {
-    let fixed = domain.boundary().vertex_mask();
-    // One time limit for the search and what follows.
-    let settings = &settings.starting_now();
-    let corners = if choice == CornerChoice::Power { scanned(domain, start, corners, settings)? } else { corners };
-    let elements = corners.elements(domain);
-    let (untangled, outcome) = untangle_and_optimize(&elements.domain, start, fixed, settings, observe)?;
-    // The elements of a tet are flipped together.
-    let tets = domain.mesh().tets().len();
-    let resisting = untangled.resisting.iter().copied().filter(|tet| tet.index() < tets).collect();
-    Ok((Untangled { resisting, ..untangled }, outcome, corners))
+/// The mirror planes of a start's domain, about its star centre, that its image keeps.
+pub(super) fn mirrors(start: &Start) -> Result<Mirrors, Fault> {
+    /// Of the radius, far above rounding.
+    const NEAR: f64 = 1e-9;
+    let (mesh, boundary) = (start.domain.mesh(), start.domain.boundary());
+    let features = Features::of(mesh, boundary, &BoundaryEdges::of(mesh, boundary));
+    let corners: Vec<Vec3> =
+        (0..).zip(mesh.points()).filter(|(v, _)| features.is_corner(VertexId(*v))).map(|(_, point)| *point).collect();
+    let kept = |mirrors: &Mirrors| {
+        let again = mirrors.unfolded(&mirrors.folded(&start.image));
+        let radius = start.image.iter().map(|p| p.norm()).fold(0.0, f64::max);
+        again.iter().zip(&start.image).all(|(a, b)| (a - b).norm() <= NEAR * radius)
+    };
+    let found = start.centre.as_ref().and_then(|centre| Mirrors::of(mesh, &centre.position, &corners));
+    found.filter(kept).ok_or(Fault::NoMirrors)
 }
 
-/// The corners with the best exponents that a golden section finds.
-fn scanned(domain: &Domain, start: &[Vec3], corners: Corners, settings: &OptimizeSettings) -> Result<Corners, Fault> {
+/// Optimizes the images of the vertices for the exponents that a start's corners have; if they are to be found, for those of the
+/// least largest K in a golden section over s. Gives the corners with the exponents arrived at.
+pub(super) fn optimize_warped(
+    start: &Start,
+    plan: &Plan,
+    observe: &mut dyn FnMut(&TraceRow),
+) -> Result<(Untangled, Outcome, Option<Corners>), Fault> {
+    let domain = &start.domain;
     let fixed = domain.boundary().vertex_mask();
+    // One time limit for the search and what follows.
+    let settings = &plan.optimize.starting_now();
+    let mirrors = if plan.symmetric { Some(mirrors(start)?) } else { None };
+    let untangled = untangle(domain, &start.image, fixed, settings, observe)?;
+    let warped = Warped { domain, corners: None, mirrors: mirrors.as_ref(), onto_ball: plan.onto_ball };
+    if !untangled.resisting.is_empty() {
+        let stop = StopReason::of(&settings.cancel).unwrap_or(StopReason::StillFlipped);
+        let outcome = Outcome { stop, ..Outcome::still_flipped(untangled.positions.clone()) };
+        return Ok((untangled, outcome, start.corners.clone()));
+    }
+    let corners = match &start.corners {
+        Some(corners) if plan.corners == CornerChoice::Power => {
+            Some(scanned(Warped { onto_ball: false, ..warped }, &untangled.positions, corners, settings)?)
+        }
+        corners => corners.clone(),
+    };
+    let warped = Warped { corners: corners.as_ref(), ..warped };
+    let outcome = warped.optimize(&untangled.positions, settings, observe)?;
+    Ok((untangled, outcome, corners))
+}
+
+/// The corners with the best exponents that a golden section finds, by K onto the polyhedron: those for K onto the ball are about the
+/// same.
+fn scanned(
+    warped: Warped<'_>,
+    start: &[Vec3],
+    corners: &Corners,
+    settings: &OptimizeSettings,
+) -> Result<Corners, Fault> {
+    let domain = warped.domain;
     let vertices: Vec<VertexId> = corners.exponents().into_iter().map(|(vertex, _)| vertex).collect();
     let of_power = |power: f64| {
         let exponents = by_power(domain, &vertices, power);
@@ -108,9 +141,10 @@ fn scanned(domain: &Domain, start: &[Vec3], corners: Corners, settings: &Optimiz
         if settings.cancel.is_due() {
             return Ok(f64::INFINITY);
         }
-        let elements = of_power(power).elements(domain);
-        let (_, outcome) = untangle_and_optimize(&elements.domain, &positions, fixed, &unpolished, &mut |_| {})?;
-        let k = measure_elements(domain, &elements, &outcome.positions).summary.max_k;
+        let corners = of_power(power);
+        let warped = Warped { corners: Some(&corners), ..warped };
+        let outcome = warped.optimize(&positions, &unpolished, &mut |_| {})?;
+        let k = measure_elements(domain, &corners.elements(domain), &outcome.positions).summary.max_k;
         if k < best.0 {
             (best, positions) = ((k, power), outcome.positions);
         }

@@ -80,6 +80,12 @@ pub enum Fault {
     /// Powers at corners that a solid has not.
     #[error("boundary.corners: the solid has no corners; remove the key")]
     NoCorners,
+    /// A symmetric map of what has no symmetry.
+    #[error(
+        "optimize.symmetric: the mesh has no mirror plane through the star centre that the start keeps; remove the key, or mesh the solid \
+         by mesh.kind = \"flag\", which keeps those of a polyhedron"
+    )]
+    NoMirrors,
     /// No mesh from TetGen or Gmsh.
     #[error(transparent)]
     External(#[from] ExternalError),

@@ -26,7 +26,7 @@ pub use optimize_map::{GivenMap, OptimizedMap, optimize_map, read_locks};
 pub(crate) use record::{Course, Heading, bounds, record};
 pub(crate) use start::Start;
 
-use corners::optimize_corners;
+use corners::optimize_warped;
 
 /// Relative distance below the largest K within which a tet counts as active.
 const ACTIVE: f64 = 1e-3;
@@ -254,7 +254,7 @@ fn optimized(
     observe: &mut dyn FnMut(&TraceRow),
 ) -> Result<(Untangled, usize, Outcome, Option<Rounds>), Fault> {
     let settings = &plan.optimize;
-    let Some(corners) = start.corners.take() else {
+    if start.corners.is_none() && !plan.symmetric && !plan.onto_ball {
         // One time limit for all that follows, and one polish at its end.
         let settings = &settings.starting_now();
         let first = OptimizeSettings {
@@ -294,10 +294,9 @@ fn optimized(
         (start.domain, start.image) = (map.domain, map.start);
         let rounds = (RefinedFigures { tets_before, end: map.end, rounds: map.rounds }, map.halved);
         return Ok((untangled, splits, map.outcome, Some(rounds)));
-    };
-    let (untangled, outcome, corners) =
-        optimize_corners(&start.domain, &start.image, corners, plan.corners, settings, observe)?;
-    start.corners = Some(corners);
+    }
+    let (untangled, outcome, corners) = optimize_warped(start, plan, observe)?;
+    start.corners = corners;
     Ok((untangled, 0, outcome, None))
 }
 

@@ -120,14 +120,7 @@ pub(crate) fn record(
     bounds.iter_mut().for_each(|bound| bound.place = bound.place.take().map(given_back));
     let bottleneck = bottleneck(domain, after).map(|found| Bottleneck { place: given_back(found.place), ..found });
     let bijectivity = bijectivity(domain, image);
-    let ball = match start.corners {
-        None => BallFigures::of(domain, image, &bounds, &after.summary),
-        Some(_) => BallFigures {
-            ball_fraction: None,
-            ball_reason: Some("it is not computed of a map with powers at the corners".into()),
-            ..BallFigures::of(domain, image, &bounds, &after.summary)
-        },
-    };
+    let ball = BallFigures::of(domain, image, &bounds, &after.summary);
     let warnings = start.warnings.iter().cloned().chain(locked_warning(domain, &bounds));
     let warnings = warnings.chain(sliver_warning(start, after)).collect();
     Report {

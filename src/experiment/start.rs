@@ -9,7 +9,7 @@ use crate::config::{DomainSource, InitialMap, MeshPlan, Plan};
 use crate::dilatation::number;
 use crate::domain::Domain;
 use crate::map::{AnalyticMap, Corners, RadialCoordinates, RayEnd, caraman, spherical_starts};
-use crate::measure::{Measured, measure_elements, measure_onto_ball_until};
+use crate::measure::{Measured, measure_onto_ball_until, measure_warped_onto_ball};
 use crate::mesh::io::{ReadError, SolidFile, read_solid, read_surface, shown_path};
 use crate::mesh::{
     Orientation, PolygonSoup, Subdivision, TetMesh, TetSoup, Unit, Vec3, VertexId, collar, full_boundary, orientation,
@@ -67,11 +67,11 @@ impl Start {
         Ok(Self { corners, ..self })
     }
 
-    /// Measures the map with these images of the vertices, onto the ball too where it is piecewise linear, unless that is cancelled.
+    /// Measures the map with these images of the vertices, onto the ball too, unless that is cancelled.
     pub fn measure(&self, image: &[Vec3], cancel: &Cancel) -> Measured {
         match &self.corners {
             None => measure_onto_ball_until(&self.domain, image, cancel),
-            Some(corners) => measure_elements(&self.domain, &corners.elements(&self.domain), image),
+            Some(corners) => measure_warped_onto_ball(&self.domain, corners, image, cancel),
         }
     }
 

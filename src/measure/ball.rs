@@ -33,12 +33,19 @@
 //! and the same of M^-1. Norms are convex: `|M(y) J| <= max |M(y_i) J| + e |J|`. So the corners bound the polygon, up to an
 //! error that falls fourfold when it is halved both ways. Whole tets are passed over by `K <= K(J) sigma^3`.
 //!
+//! # After a warp of corners
+//!
+//! The map of a tet is then one of `J (I + (p-1) u n^T)` at each point ([`crate::map::corner`]), affine in u as its inverse is up to a
+//! factor; the tets are cut into simplices in single cones, whose corners bound them up to a term of second order ([`pieces`]).
+//!
 //! All of this is computed in intervals from the positions as exact numbers, but for the corners of polygons: cutting rounds
 //! them, by far less than [`polygon`]'s `ROUNDING`, which is added to e.
 
 mod cones;
 mod enclosure;
+mod pieces;
 mod polygon;
+mod samples;
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -46,14 +53,17 @@ use std::collections::BinaryHeap;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::{Measured, measure};
+use super::{Measured, measure, measure_elements};
 use crate::cancel::Cancel;
 use crate::dilatation::null_is_infinite;
 use crate::domain::Domain;
+use crate::map::Corners;
 use crate::mesh::{Orientation, TetId, Vec3, VertexId, View, orientation};
 use cones::{Cone, Cones};
-use enclosure::TetMap;
+use enclosure::{ExactWarp, TetMap};
+use pieces::WarpedTet;
 use polygon::{Polygon, Shadow};
+pub(crate) use samples::OntoBall;
 
 /// The largest K of a map onto the ball, between two numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -84,6 +94,8 @@ const TOLERANCE: f64 = 1e-4;
 const ROUGH: f64 = 1e-2;
 /// See [`TOLERANCE`].
 const POLYGONS: (usize, usize) = (200_000, 10);
+/// How near the two ends are brought where there are warps.
+const TOLERANCE_WARPED: f64 = 1e-3;
 /// Most polygons that one tet is given; what is then left of its bound stays.
 const MOST_POLYGONS: usize = 4096;
 /// Tets that are bounded at once; only between batches the largest K so far is looked at, so that it does not depend on the
@@ -100,46 +112,80 @@ const BATCH: usize = 256;
 /// # Panics
 /// If `image` has fewer positions than the domain has vertices.
 pub fn ball_dilatation(domain: &Domain, image: &[Vec3]) -> Result<BallDilatation, NotOntoBall> {
-    let enclosed = enclosed(domain, image, &Cancel::default())?;
+    warped_ball_dilatation(domain, None, image)
+}
+
+/// The same of the map after the warps of corners of the domain.
+///
+/// # Errors
+/// As [`ball_dilatation`].
+///
+/// # Panics
+/// As [`ball_dilatation`].
+pub fn warped_ball_dilatation(
+    domain: &Domain,
+    corners: Option<&Corners>,
+    image: &[Vec3],
+) -> Result<BallDilatation, NotOntoBall> {
+    let enclosed = enclosed(domain, corners, image, &Cancel::default())?;
     Ok(enclosed.expect("nobody cancels it"))
 }
 
 /// The same unless it is cancelled from outside, in which case it ends without a result; deadlines are not heeded.
-fn enclosed(domain: &Domain, image: &[Vec3], cancel: &Cancel) -> Result<Option<BallDilatation>, NotOntoBall> {
+fn enclosed(
+    domain: &Domain,
+    corners: Option<&Corners>,
+    image: &[Vec3],
+    cancel: &Cancel,
+) -> Result<Option<BallDilatation>, NotOntoBall> {
     if cancel.is_raised() {
         return Ok(None);
     }
-    let triangles: Vec<[Vec3; 3]> = onto_ball(domain, image)?;
+    let onto = OntoBall::new(domain, corners, image)?;
     let tets = domain.mesh().tets();
-    let corners = |tet: usize| tets[tet].map(|v| image[v.index()]);
+    let positions = |tet: usize| tets[tet].map(|v| image[v.index()]);
     let is_positive = |tet: usize| {
-        let corners = corners(tet);
-        corners.iter().all(|p| p.iter().all(|x| x.is_finite()))
-            && orientation(corners.each_ref()) == Orientation::Positive
+        let positions = positions(tet);
+        positions.iter().all(|p| p.iter().all(|x| x.is_finite()))
+            && orientation(positions.each_ref()) == Orientation::Positive
     };
     if !(0..tets.len()).into_par_iter().all(is_positive) {
         return Ok(Some(BallDilatation { certified: f64::INFINITY, sampled: f64::INFINITY }));
     }
-    let map = |tet: usize| TetMap::new(&domain.mesh().corners(TetId(tet as u32)), &corners(tet));
-    let cones = Cones::new(&triangles);
-    // Every direction of a boundary triangle is one of its tet.
+    let rest = |tet: usize| domain.mesh().corners(TetId(tet as u32));
+    let map = |tet: usize| TetMap::new(&rest(tet), &positions(tet));
+    let warped = |tet: usize| {
+        let cone = onto.warped_cone(TetId(tet as u32))?;
+        let at = |v: VertexId| &domain.mesh().points()[v.index()];
+        let warp = ExactWarp::new(at(cone.corner), cone.base.map(at), cone.exponent);
+        Some(WarpedTet::new([&rest(tet), &positions(tet)], (warp, at(cone.corner)), &onto.cones))
+    };
+    let cones = &onto.cones;
+    // Every direction of a boundary triangle is one of its tet. Of a warped tet points are looked at, since only at these its
+    // direction and its own matrix are known together.
     let owners = domain.boundary().owners();
-    let at_boundary = (0..triangles.len()).into_par_iter().map(|index| {
+    let linear = |tet: &TetId| onto.warped_cone(*tet).is_none();
+    let at_boundary = (0..owners.len()).into_par_iter().filter(|index| linear(&owners[*index])).map(|index| {
         let (cone, map) = (cones.get(index), map(owners[index].index()));
-        triangles[index].iter().map(|corner| attained(map.largest(map.at(cone, corner), 0.0))).fold(1.0, f64::max)
+        cone.corners.iter().map(|corner| attained(map.largest(map.at(cone, corner), 0.0))).fold(1.0, f64::max)
     });
-    let mut found = BallDilatation { certified: 1.0, sampled: at_boundary.reduce(|| 1.0, f64::max) };
+    let of_warped = (0..tets.len() as u32).into_par_iter().map(TetId).filter(|tet| !linear(tet));
+    let of_warped = of_warped.map(|tet| attained(onto.sampled(tet))).reduce(|| 1.0, f64::max);
+    let mut found = BallDilatation { certified: 1.0, sampled: at_boundary.reduce(|| 1.0, f64::max).max(of_warped) };
     // The tets of largest K first: once theirs are known, most of the others are passed over.
     let most = cones.largest_stretch();
-    let bound = |map: TetMap| product(map.k(), most);
-    let may_exceed =
-        |tet: usize| bound(TetMap::roughly(&domain.mesh().corners(TetId(tet as u32)), &corners(tet))) > found.sampled;
+    let bound = |k: f64| product(k, most);
+    let may_exceed = |tet: usize| {
+        !linear(&TetId(tet as u32)) || bound(TetMap::roughly(&rest(tet), &positions(tet)).k()) > found.sampled
+    };
+    let largest = |tet: usize| warped(tet).map_or_else(|| map(tet).k(), |warped| warped.k());
     let mut order: Vec<(f64, usize)> =
-        (0..tets.len()).into_par_iter().filter(|&tet| may_exceed(tet)).map(|tet| (bound(map(tet)), tet)).collect();
+        (0..tets.len()).into_par_iter().filter(|&tet| may_exceed(tet)).map(|tet| (bound(largest(tet)), tet)).collect();
     order.par_sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    let room = if (0..tets.len() as u32).all(|tet| linear(&TetId(tet))) { 1.0 } else { 1.0 + TOLERANCE_WARPED };
     let mut left = POLYGONS.0 + POLYGONS.1 * tets.len();
     for batch in order.chunks(BATCH) {
-        let floor = found.certified.max(found.sampled);
+        let floor = found.certified.max(found.sampled * room);
         if batch[0].0 <= floor {
             break;
         }
@@ -148,18 +194,19 @@ fn enclosed(domain: &Domain, image: &[Vec3], cancel: &Cancel) -> Result<Option<B
         }
         let tolerance = if left > 0 { TOLERANCE } else { ROUGH };
         let bounded = batch.par_iter().filter(|(bound, _)| *bound > floor);
-        let bounded = bounded.map(|&(_, tet)| of_tet(&map(tet), &corners(tet), &cones, floor, tolerance));
-        let (more, polygons) = bounded.reduce(
-            || (found, 0),
-            |(a, n), (b, m)| {
-                let (certified, sampled) = (a.certified.max(b.certified), a.sampled.max(b.sampled));
-                (BallDilatation { certified, sampled }, n + m)
-            },
-        );
+        let larger = |(a, n): (BallDilatation, usize), (b, m): (BallDilatation, usize)| {
+            let (certified, sampled) = (a.certified.max(b.certified), a.sampled.max(b.sampled));
+            (BallDilatation { certified, sampled }, n + m)
+        };
+        let bounded = bounded.map(|&(_, tet)| match warped(tet) {
+            None => of_tet(&map(tet), &positions(tet), cones, floor, tolerance),
+            Some(warped) => warped.bound(floor),
+        });
+        let (more, polygons) = bounded.reduce(|| (found, 0), larger);
         (found, left) = (more, left.saturating_sub(polygons));
     }
     // What was passed over is no larger than either.
-    found.certified = found.certified.max(found.sampled);
+    found.certified = found.certified.max(found.sampled * room);
     Ok(Some(found))
 }
 
@@ -177,7 +224,17 @@ pub fn measure_onto_ball(domain: &Domain, image: &[Vec3]) -> Measured {
 /// If `image` has fewer positions than the domain has vertices.
 pub fn measure_onto_ball_until(domain: &Domain, image: &[Vec3], cancel: &Cancel) -> Measured {
     let mut measured = measure(domain, image);
-    measured.summary.ball_k = enclosed(domain, image, cancel).ok().flatten();
+    measured.summary.ball_k = enclosed(domain, None, image, cancel).ok().flatten();
+    measured
+}
+
+/// The same of the map after the warps of corners of the domain, see [`measure_elements`].
+///
+/// # Panics
+/// If `image` has fewer positions than the domain has vertices.
+pub fn measure_warped_onto_ball(domain: &Domain, corners: &Corners, image: &[Vec3], cancel: &Cancel) -> Measured {
+    let mut measured = measure_elements(domain, &corners.elements(domain), image);
+    measured.summary.ball_k = enclosed(domain, Some(corners), image, cancel).ok().flatten();
     measured
 }
 

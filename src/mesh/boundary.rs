@@ -77,6 +77,21 @@ impl Boundary {
         Self { triangles: Vec::new(), owners: Vec::new(), contains: vec![false; vertices] }
     }
 
+    /// The same boundary as one of a part of the mesh: the triangles of those `tets`, its vertices named anew.
+    pub(crate) fn part(&self, tets: &[TetId], vertices: usize, local: impl Fn(VertexId) -> VertexId) -> Self {
+        let places: HashMap<TetId, u32> = tets.iter().copied().zip(0..).collect();
+        let mut part = Self::none(vertices);
+        for (triangle, owner) in self.triangles.iter().zip(&self.owners) {
+            if let Some(&place) = places.get(owner) {
+                let triangle = triangle.map(&local);
+                triangle.iter().for_each(|v| part.contains[v.index()] = true);
+                part.triangles.push(triangle);
+                part.owners.push(TetId(place));
+            }
+        }
+        part
+    }
+
     /// Collects the triangles that belong to one tet only, in the order of the tets.
     ///
     /// The two tets of any other triangle must see it from opposite sides: since the volumes of both are positive by exact

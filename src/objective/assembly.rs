@@ -5,9 +5,9 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::element::{ElementDerivatives, centred_logs, gradient_from};
+use super::element::{ElementDerivatives, centred_logs, gradient_before, gradient_from};
 use super::opening::{change_of_distance, opening};
-use super::unknowns::projection;
+use super::unknowns::Tangent;
 use super::{Barrier, Iterate, TetEnergy, Unknowns};
 use crate::domain::Domain;
 use crate::linalg::{Method, NewtonSystem, SparseError, Svd, reverse_cuthill_mckee, svd};
@@ -247,7 +247,7 @@ impl<'d> Assembly<'d> {
     /// Fills the Newton system with the Hessian, its elements' negative curvature multiplied by `negative`, and returns the gradient (three entries an
     /// unknown); `None` if a tet is flipped or the energy infinite.
     pub fn linearize<E: TetEnergy>(&mut self, energy: &E, iterate: &Iterate, negative: f64) -> Option<Vec<f64>> {
-        let inverse_edges = self.domain.inverse_edges();
+        let (domain, inverse_edges) = (self.domain, self.domain.inverse_edges());
         let tets = inverse_edges.len();
         self.gradients.resize(tets, Default::default());
         self.elements.resize(tets.min(BATCH), ElementDerivatives::default());
@@ -267,6 +267,9 @@ impl<'d> Assembly<'d> {
                     let tet = first + at;
                     let Some(spectrum) = energy.spectrum(tet, decomposition.values, negative) else { return false };
                     element.fill(decomposition, &spectrum, &inverse_edges[tet]);
+                    if let Some(left) = domain.afterwards(TetId(tet as u32)) {
+                        element.before(left);
+                    }
                     *gradient = element.gradient;
                     true
                 })
@@ -319,8 +322,8 @@ impl<'d> Assembly<'d> {
         if !self.unknowns.slides() {
             return;
         }
-        let normals: Vec<Option<Vec3>> =
-            self.free.iter().map(|&v| self.unknowns.normal(v as usize, &image[v as usize])).collect();
+        let tangents: Vec<Option<Tangent>> =
+            self.free.iter().map(|&v| self.unknowns.tangent_space(v as usize, &image[v as usize])).collect();
         let starts = self.system.column_starts().to_vec();
         let rows = self.system.rows().to_vec();
         let (free, held) = (&self.free, &self.held);
@@ -330,18 +333,20 @@ impl<'d> Assembly<'d> {
             for k in 0..height {
                 let mut sum = Mat3::from_fn(|r, c| values[c * 3 * height + 3 * k + r]);
                 let row = rows[starts[column] + k] as usize;
-                for normal in [&normals[row]].into_iter().flatten() {
-                    sum = projection(normal) * sum;
+                if let Some(tangent) = &tangents[row] {
+                    sum = tangent.projection * sum;
                 }
-                if let Some(normal) = &normals[column] {
-                    sum *= projection(normal);
+                if let Some(tangent) = &tangents[column] {
+                    sum *= tangent.projection;
                     if row == column {
-                        // The sphere's curvature (Absil, Mahony and Sepulchre 2008, section 5.5), and a stiffness that keeps
-                        // the normal's own coordinate at 0.
-                        let along = Vec3::from_column_slice(&whole[3 * row..3 * row + 3]).dot(normal);
-                        let radius = image[free[row] as usize].norm();
                         let stiffness = sum.norm().max(f64::MIN_POSITIVE);
-                        sum += projection(normal) * (-along / radius) + normal * normal.transpose() * stiffness;
+                        if let Some((normal, radius)) = tangent.sphere {
+                            // The sphere's curvature (Absil, Mahony and Sepulchre 2008, section 5.5).
+                            let along = Vec3::from_column_slice(&whole[3 * row..3 * row + 3]).dot(&normal);
+                            sum += tangent.projection * (-along / radius);
+                        }
+                        // It keeps the other coordinates at 0.
+                        sum += tangent.complement * stiffness;
                     }
                 }
                 if held[free[row] as usize] || held[free[column] as usize] {
@@ -432,7 +437,8 @@ impl<'d> Assembly<'d> {
             .enumerate()
             .with_min_len(CHUNK)
             .map(|(t, (decomposition, inverse_edges))| {
-                Some(gradient_from(decomposition, slope(t, decomposition.values)?, inverse_edges))
+                let gradient = gradient_from(decomposition, slope(t, decomposition.values)?, inverse_edges);
+                Some(gradient_before(gradient, self.domain.afterwards(TetId(t as u32))))
             })
             .collect();
         let elements: Vec<[Vec3; 4]> = elements.into_iter().collect::<Option<_>>()?;

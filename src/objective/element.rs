@@ -119,6 +119,19 @@ impl ElementDerivatives {
     }
 }
 
+impl ElementDerivatives {
+    /// Turns the derivatives of an energy of L J into those of the energy of J.
+    pub(super) fn before(&mut self, left: &Mat3) {
+        self.gradient = gradient_before(self.gradient, Some(left));
+        self.hessian = self.hessian.map(|block| left.transpose() * block * left);
+    }
+}
+
+/// The gradient of a function of L J, given as if it were of J, with respect to what J is of.
+pub(super) fn gradient_before(gradient: [Vec3; 4], left: Option<&Mat3>) -> [Vec3; 4] {
+    left.map_or(gradient, |left| gradient.map(|g| left.transpose() * g))
+}
+
 /// The gradient with respect to the four vertices of a function with derivatives `slope` in the singular values.
 pub(super) fn gradient_from(decomposition: &Svd, slope: [f64; 3], inverse_edges: &Mat3) -> [Vec3; 4] {
     let Svd { left, right, .. } = decomposition;

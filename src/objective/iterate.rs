@@ -59,7 +59,7 @@ impl Iterate {
     /// `ln K_O` and `ln K_I` of a tet of the domain, see [`log_dilatations`](super::log_dilatations()); `None` if it is
     /// flipped.
     pub fn functions(&self, domain: &Domain, tet: usize) -> Option<[TetFunction; 2]> {
-        of_decomposition(&self.decompositions()[tet], &domain.inverse_edges()[tet])
+        of_decomposition(&self.decompositions()[tet], domain, TetId(tet as u32))
     }
 
     /// The largest |l|, so that `max K = exp(3 * largest)`; `None` if a tet is flipped.

@@ -14,11 +14,22 @@ pub enum Freedom {
 }
 
 /// For each vertex of a mesh how it may move. What varies has three coordinates in all systems; those of a vertex on a sphere
-/// are kept to its tangent plane, and a step ends on the sphere again.
+/// are kept to its tangent plane, and a step ends on the sphere again. So are those of a vertex that is kept to planes through the origin.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Unknowns {
     freedom: Vec<Freedom>,
     least_openings: Vec<f64>,
+    /// The projection to the planes of each vertex; empty if none has any.
+    within: Vec<Mat3>,
+}
+
+/// Where a vertex may move, to first order.
+pub(super) struct Tangent {
+    /// The projection to that space, and what is left.
+    pub projection: Mat3,
+    pub complement: Mat3,
+    /// The outer normal of the vertex's sphere and its radius.
+    pub sphere: Option<(Vec3, f64)>,
 }
 
 impl Unknowns {
@@ -29,7 +40,7 @@ impl Unknowns {
 
     /// One freedom a vertex.
     pub fn new(freedom: Vec<Freedom>) -> Self {
-        Self { freedom, least_openings: Vec::new() }
+        Self { freedom, least_openings: Vec::new(), within: Vec::new() }
     }
 
     /// The same with the least [`opening`](super::opening()) that each triangle of the mesh's boundary may come to.
@@ -40,6 +51,18 @@ impl Unknowns {
     /// The least opening of each triangle of the boundary; empty where none is watched.
     pub fn least_openings(&self) -> &[f64] {
         &self.least_openings
+    }
+
+    /// The same, each vertex kept to the planes through the origin with this projection to them all, and to its sphere. One that
+    /// is left no way to go is fixed.
+    pub fn within(mut self, planes: &[Mat3]) -> Self {
+        for (freedom, planes) in self.freedom.iter_mut().zip(planes) {
+            let dimensions = planes.trace().round() as i64 - i64::from(*freedom == Freedom::OnSphere);
+            if dimensions <= 0 {
+                *freedom = Freedom::Fixed;
+            }
+        }
+        Self { within: planes.to_vec(), ..self }
     }
 
     /// Number of vertices.
@@ -67,9 +90,9 @@ impl Unknowns {
         self.varying().count()
     }
 
-    /// Whether a vertex may move on a sphere.
+    /// Whether a vertex is kept to a sphere or planes.
     pub fn slides(&self) -> bool {
-        self.freedom.contains(&Freedom::OnSphere)
+        !self.within.is_empty() || self.freedom.contains(&Freedom::OnSphere)
     }
 
     /// Fixes a vertex.
@@ -78,12 +101,30 @@ impl Unknowns {
     }
 
     /// The outer normal of a vertex's sphere at its position; `None` if it is not on one.
-    pub fn normal(&self, vertex: usize, position: &Vec3) -> Option<Vec3> {
+    fn normal(&self, vertex: usize, position: &Vec3) -> Option<Vec3> {
         (self.of(vertex) == Freedom::OnSphere).then(|| position.normalize())
+    }
+
+    /// Where a vertex may move from its position; `None` if anywhere. The normal of its sphere, about the origin, lies in its planes.
+    pub(super) fn tangent_space(&self, vertex: usize, position: &Vec3) -> Option<Tangent> {
+        let normal = self.normal(vertex, position);
+        let sphere = normal.map(|normal| (normal, position.norm()));
+        match (self.within.get(vertex), normal) {
+            (None, None) => None,
+            (None, Some(normal)) => {
+                let complement = normal * normal.transpose();
+                Some(Tangent { projection: Mat3::identity() - complement, complement, sphere })
+            }
+            (Some(planes), normal) => {
+                let projection = planes - normal.map_or(Mat3::zeros(), |normal| normal * normal.transpose());
+                Some(Tangent { projection, complement: Mat3::identity() - projection, sphere })
+            }
+        }
     }
 
     /// What of a vector at a vertex's position may vary.
     pub fn tangent(&self, vertex: usize, position: &Vec3, vector: Vec3) -> Vec3 {
+        let vector = self.within.get(vertex).map_or(vector, |planes| planes * vector);
         match self.normal(vertex, position) {
             Some(normal) => vector - normal * normal.dot(&vector),
             None => vector,
@@ -92,14 +133,10 @@ impl Unknowns {
 
     /// A position to which a vertex was moved from one where it may be, brought back to where it may be.
     pub fn retract(&self, vertex: usize, from: &Vec3, to: Vec3) -> Vec3 {
+        let to = self.within.get(vertex).map_or(to, |planes| planes * to);
         match self.of(vertex) {
             Freedom::OnSphere => to * (from.norm() / to.norm()),
             Freedom::Fixed | Freedom::Free => to,
         }
     }
-}
-
-/// The projection along a normal.
-pub(super) fn projection(normal: &Vec3) -> Mat3 {
-    Mat3::identity() - normal * normal.transpose()
 }

@@ -10,6 +10,7 @@ mod displacement;
 mod engine;
 #[cfg(feature = "nlopt")]
 mod epigraph;
+mod error;
 mod interior_point;
 mod line_search;
 mod minimax;
@@ -18,6 +19,7 @@ mod polish;
 mod recorder;
 mod region;
 mod untangle;
+mod warped;
 
 use std::time::Duration;
 
@@ -30,6 +32,7 @@ use crate::mesh::{TetId, Vec3};
 use crate::objective::{Assembly, Freedom, Iterate, Unknowns, opening};
 pub use choices::{BoundaryValues, Effort, Objective, Polish};
 pub use engine::{Engine, MOST_TETS_CONSERVATIVE, MOST_TETS_QUADRATIC};
+pub use error::OptimizeError;
 use minimax::Ending;
 pub use recorder::KktResidual;
 use recorder::{PhaseEnd, Progress, Recorder};
@@ -37,6 +40,7 @@ pub use untangle::{
     Freed, Refined, Shapes, Tangled, Untangled, flipped_tets, refine_and_untangle, untangle, untangle_and_optimize,
     untangle_locally,
 };
+pub use warped::Warped;
 
 /// Exponents of the continuation, each phase started from the last. Steps of about three: with larger ones the next
 /// phase starts far from its minimum and ends in a worse local one.
@@ -116,59 +120,6 @@ impl Default for OptimizeSettings {
             cancel: Cancel::default(),
         }
     }
-}
-
-/// Why an optimisation could not start.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-pub enum OptimizeError {
-    /// The start is not injective, so K is infinite there.
-    #[error("{0} tets of the start are flipped or flat; the optimisation needs a start without any")]
-    FlippedStart(usize),
-    /// A boundary that is to slide on a sphere about the origin and is not on one.
-    #[error(
-        "vertex {vertex} of the boundary lies at the distance {radius} from the origin, the first one at {of_first}: boundary values slide on a sphere about the origin only; keep them fixed, or start from a map onto the ball"
-    )]
-    NotOnSphere {
-        /// The vertex, counted from 0.
-        vertex: u32,
-        /// Its distance from the origin.
-        radius: f64,
-        /// That of the first vertex of the boundary.
-        of_first: f64,
-    },
-    /// A boundary that is to slide and is no image of a sphere without folds.
-    #[error(
-        "the triangle {0:?} of the boundary does not face away from the origin (vertices are counted from 0): boundary values slide where the image is star-shaped about it; keep them fixed, or start from a map onto the ball"
-    )]
-    TurnedTriangle([u32; 3]),
-    /// The Newton system does not fit.
-    #[error("the Newton system of this mesh cannot be held: {0}")]
-    System(#[from] SparseError),
-    /// An engine of NLopt in a build without it.
-    #[error(
-        "this build has no NLopt, which the engine \"{0}\" belongs to: build with the feature \"nlopt\", or use the engine \"newton\""
-    )]
-    NoNlopt(Engine),
-    /// An engine that cannot keep vertices on a sphere.
-    #[error(
-        "the engine \"{0}\" cannot slide boundary values on the sphere: use the engine \"newton\", or keep them fixed"
-    )]
-    NotSliding(Engine),
-    /// An engine for the largest K only.
-    #[error(
-        "the engine \"{0}\" minimizes the largest K only: for soft maxima use \"newton\", \"lbfgs\", \"newton-cg\" or \"trust-region\""
-    )]
-    NotForSoftMax(Engine),
-    /// More tets than the engine can handle in minutes.
-    #[error("the engine \"{engine}\" handles at most {most} tets, this mesh has {tets}: use the engine \"newton\"")]
-    TooManyTets {
-        /// The engine.
-        engine: Engine,
-        /// Its limit.
-        most: usize,
-        /// Number of tets.
-        tets: usize,
-    },
 }
 
 /// Why an optimisation ended. A reason, never an error: bad input is refused before.
@@ -296,6 +247,18 @@ pub fn optimize_from(
     settings.engine.check(settings.objective, settings.boundary_values)?;
     settings.engine.check_size(domain.mesh().tets().len())?;
     let unknowns = unknowns(domain, start, fixed, settings.boundary_values)?;
+    optimize_unknowns(known, domain, start, &unknowns, settings, observe)
+}
+
+/// [`optimize_from`] with what may move known.
+fn optimize_unknowns(
+    known: Start,
+    domain: &Domain,
+    start: &[Vec3],
+    unknowns: &Unknowns,
+    settings: &OptimizeSettings,
+    observe: &mut dyn FnMut(&TraceRow),
+) -> Result<Outcome, OptimizeError> {
     let mut iterate = Iterate::new(domain, start.to_vec());
     let flipped = iterate.decompositions().iter().filter(|tet| tet.values[2] <= 0.0).count();
     if flipped > 0 {
@@ -307,7 +270,7 @@ pub fn optimize_from(
     if settings.cancel.is_raised() {
         return Ok(as_it_is(StopReason::Cancelled, recorder.rows));
     }
-    let mut assembly = Assembly::new(domain, &unknowns, method(&unknowns))?;
+    let mut assembly = Assembly::new(domain, unknowns, method(unknowns))?;
     if let Some(triangle) = assembly.turned_triangle(start) {
         return Err(OptimizeError::TurnedTriangle(triangle.map(|v| v.0)));
     }

@@ -12,7 +12,7 @@ use crate::bound::LowerBound;
 use crate::bound::certificate;
 use crate::cancel::Cancel;
 use crate::experiment::{Course, Heading, bounds, record};
-use crate::measure::{Measured, Summary, ball_dilatation, measure};
+use crate::measure::{Measured, Summary, ball_dilatation, measure, warped_ball_dilatation};
 use crate::mesh::{TetId, Vec3};
 use crate::optimize::{OPTIMAL, StopReason, Untangled};
 use crate::report::{UntanglingFigures, trace_hash};
@@ -37,7 +37,9 @@ pub(super) fn check(files: &Files, findings: &mut Findings) {
     let Some(again) = again(files, findings) else { return };
     let (mut before, mut after) = if again.start.corners.is_some() {
         let measure = |image| again.start.measure(image, &Cancel::default());
-        (measure(&again.start.image), measure(&files.image))
+        let mut before = measure(&again.start.image);
+        before.summary.ball_k = warped_ball_dilatation(&files.domain, files.corners.as_ref(), &files.start).ok();
+        (before, measure(&files.image))
     } else {
         let mut before = measure(&again.start.domain, &again.start.image);
         // Halving amplifies last bits, so of the positions in the files, which were held against those made again.

@@ -188,6 +188,11 @@ impl Corners {
         self.of_tet[tet.index()].map(|cone| &self.warps[cone as usize])
     }
 
+    /// The cone that holds a tet, if its warp is not the identity.
+    pub fn warped_cone(&self, tet: TetId) -> Option<&Cone> {
+        self.of_tet[tet.index()].map(|cone| &self.cones[cone as usize]).filter(|cone| cone.exponent != 1.0)
+    }
+
     /// The same cones with other exponents, all positive: one for each corner.
     pub fn with_exponents(mut self, exponent: impl Fn(VertexId) -> f64) -> Self {
         for (cone, warp) in self.cones.iter_mut().zip(&mut self.warps) {
@@ -198,7 +203,7 @@ impl Corners {
     }
 
     /// The matrices I + (p-1) u n^T of which one makes K largest on a tet; none outside of the cones.
-    fn factors(&self, domain: &Domain, tet: TetId) -> Vec<Mat3> {
+    pub(crate) fn factors(&self, domain: &Domain, tet: TetId) -> Vec<Mat3> {
         match self.warp(tet).filter(|warp| warp.exponent() != 1.0) {
             None => Vec::new(),
             Some(warp) => warp.projections(domain.mesh().corners(tet)).map(|u| warp.factor(&u)).collect(),

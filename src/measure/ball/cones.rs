@@ -66,6 +66,11 @@ impl Cap {
         }
     }
 
+    /// Whether it holds all directions.
+    pub fn is_all(&self) -> bool {
+        self.radius >= Self::ALL.radius
+    }
+
     fn meets(&self, other: &Self) -> bool {
         angle(&self.centre, &other.centre) <= self.radius + other.radius + ANGLE
     }

@@ -1,12 +1,14 @@
 //! Upper bounds, in intervals, for the dilatations of one tet's map followed by the radial map in one direction.
 
 use super::cones::Cone;
-use crate::linalg::interval::{Interval, cross, dot, norm_squared};
+use crate::linalg::interval::{Interval, cross, difference, dot, exact_vector, norm_squared};
 use crate::linalg::svd;
 use crate::mesh::{Mat3, Vec3};
 
 /// A matrix by rows.
 type Matrix = [[Interval; 3]; 3];
+/// A matrix and its inverse.
+pub(super) type Pair = [Matrix; 2];
 
 /// Upper bounds of `|M J det X|` and `|J^-1 M^-1 det Y|` in one direction.
 pub(super) type Norms = [f64; 2];
@@ -49,6 +51,45 @@ impl TetMap {
         Self { norms: [norm(&forward), norm(&backward)], forward, backward, factors }
     }
 
+    /// The maps that take the place of this one where its cone is warped with an exponent p: `J (I + (p-1) u n^T)` at the projection
+    /// u of each of some corners, with `(I + (p-1) u n^T)^-1 = I + (1/p - 1) u n^T` and determinant p (see [`crate::map::corner`]).
+    /// Whatever linear map follows, the largest K over the points that the warp takes to the hull of the corners and the apex is
+    /// that of one of them.
+    pub fn warped(&self, warp: &ExactWarp, corners: &[[Interval; 3]]) -> Vec<Self> {
+        let at = |corner: &[Interval; 3]| {
+            let unknown = [[[Interval::WHOLE; 3]; 3]; 2];
+            let [factor, inverse] = warp.factors(&[0, 1, 2].map(|i| corner[i] - warp.apex[i])).unwrap_or(unknown);
+            let [forward, backward] = [product(&self.forward, &factor), product(&inverse, &self.backward)];
+            Self { norms: [norm(&forward), norm(&backward)], forward, backward, ..self.with_exponent(warp) }
+        };
+        corners.iter().map(at).collect()
+    }
+
+    /// The same map, as part of one whose determinant is p times as large.
+    pub fn with_exponent(&self, warp: &ExactWarp) -> Self {
+        let power = Interval::exactly(warp.exponent);
+        let inverse = power.reciprocal().unwrap_or(Interval::WHOLE);
+        let factors = [(self.factors[0] * inverse.upper).next_up(), (self.factors[1] * power.upper).next_up()];
+        Self { factors, ..*self }
+    }
+
+    /// The norms of this map between a radial map and a warp, and those of the inverse.
+    pub fn between(&self, [shear, unsheared]: &Pair, [factor, undone]: &Pair) -> Norms {
+        let forward = product(shear, &product(&self.forward, factor));
+        [norm(&forward), norm(&product(undone, &product(&self.backward, unsheared)))]
+    }
+
+    /// Upper bounds of the norms of the map and of its inverse.
+    pub fn norms(&self) -> Norms {
+        self.norms
+    }
+
+    /// The map and its inverse, rounded.
+    pub fn middles(&self) -> (Mat3, Mat3) {
+        let rounded = |matrix: &Matrix| Mat3::from_fn(|i, j| matrix[i][j].middle());
+        (rounded(&self.forward), rounded(&self.backward))
+    }
+
     /// Upper bound of the tet's own K, before the radial map.
     pub fn k(&self) -> f64 {
         self.largest(self.norms, 0.0)
@@ -56,7 +97,7 @@ impl TetMap {
 
     /// The norms in one direction, as an exact vector of any length, of the radial map on a cone.
     pub fn at(&self, cone: &Cone, direction: &Vec3) -> Norms {
-        let Some([shear, inverse]) = shears(cone, direction) else { return [f64::INFINITY; 2] };
+        let Some([shear, inverse]) = shears(cone, &exact_vector(direction)) else { return [f64::INFINITY; 2] };
         [norm(&product(&shear, &self.forward)), norm(&product(&self.backward, &inverse))]
     }
 
@@ -73,6 +114,53 @@ impl TetMap {
     }
 }
 
+/// The warp of a cone with a known apex and exponent.
+#[derive(Clone, Copy)]
+pub(super) struct ExactWarp {
+    apex: [Interval; 3],
+    /// A normal of the plane of the base, of any length.
+    normal: [Interval; 3],
+    exponent: f64,
+}
+
+impl ExactWarp {
+    /// The warp of the cone with this apex over a triangle.
+    pub fn new(apex: &Vec3, [a, b, c]: [&Vec3; 3], exponent: f64) -> Self {
+        let normal = cross(difference(b, a), difference(c, a));
+        Self { apex: exact_vector(apex), normal, exponent }
+    }
+
+    /// The exponent p.
+    pub fn exponent(&self) -> f64 {
+        self.exponent
+    }
+
+    /// The normal of the plane of the base.
+    pub fn normal(&self) -> [Interval; 3] {
+        self.normal
+    }
+
+    /// x - v for the point with some weights of some points.
+    pub fn offset(&self, points: &[Vec3; 4], weights: &[f64; 4]) -> [Interval; 3] {
+        let term = |axis: usize, (point, weight): (&Vec3, &f64)| {
+            (Interval::exactly(point[axis]) - self.apex[axis]) * Interval::exactly(*weight)
+        };
+        [0, 1, 2].map(|axis| points.iter().zip(weights).map(|pair| term(axis, pair)).sum())
+    }
+
+    /// I + (p-1) u n^T and its inverse for an offset from the apex, of any length; none if its height may be 0.
+    pub fn factors(&self, offset: &[Interval; 3]) -> Option<Pair> {
+        let power = Interval::exactly(self.exponent);
+        // u n^T = offset normal^T / normal.offset, whatever the length of the normal.
+        let over = dot(self.normal, *offset).reciprocal()?;
+        let factor = |share: Interval| {
+            let unit = |i: usize, j: usize| Interval::exactly(f64::from(u8::from(i == j)));
+            [0, 1, 2].map(|i| [0, 1, 2].map(|j| unit(i, j) + share * offset[i] * self.normal[j] * over))
+        };
+        Some([factor(power - Interval::ONE), factor(power.reciprocal()? - Interval::ONE)])
+    }
+}
+
 /// The differences of a tet's corners to its first one.
 fn edges_by_columns(corners: &[Vec3; 4]) -> Matrix {
     let [origin, ends @ ..] = corners.map(|p| <[f64; 3]>::from(p).map(Interval::exactly));
@@ -81,8 +169,8 @@ fn edges_by_columns(corners: &[Vec3; 4]) -> Matrix {
 
 /// `M = I + u v^T` and its inverse `I - u v^T` for the radial map on a cone, see [`super`]; none if rounding could turn the
 /// direction out of the half-space of the cone's plane.
-fn shears(cone: &Cone, direction: &Vec3) -> Option<[Matrix; 2]> {
-    let y = <[f64; 3]>::from(*direction).map(Interval::exactly);
+pub(super) fn shears(cone: &Cone, direction: &[Interval; 3]) -> Option<Pair> {
+    let y = *direction;
     let along = dot(cone.normal, y);
     if along.lower <= 0.0 {
         return None;
@@ -98,7 +186,7 @@ fn shears(cone: &Cone, direction: &Vec3) -> Option<[Matrix; 2]> {
 
 /// Upper bound of the largest singular value of the radial map on a cone in one direction.
 pub(super) fn stretch(cone: &Cone, direction: &Vec3) -> f64 {
-    shears(cone, direction).map_or(f64::INFINITY, |[shear, _]| norm(&shear))
+    shears(cone, &exact_vector(direction)).map_or(f64::INFINITY, |[shear, _]| norm(&shear))
 }
 
 fn transposed(a: &Matrix) -> Matrix {

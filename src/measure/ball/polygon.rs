@@ -4,6 +4,7 @@ use std::cmp::Ordering;
 
 use super::cones::{Cap, Cone};
 use super::enclosure::{Norms, TetMap};
+use super::pieces::beside;
 use crate::linalg::interval::{Interval, dot};
 use crate::mesh::{Orientation, Vec3, orientation};
 
@@ -63,6 +64,26 @@ impl Shadow {
             || self.sides.iter().any(|[p, q]| beyond((p, q), &cone.corners))
     }
 
+    /// Whether tet and cone have no inner point in common, vertices near the planes of sides taken to lie on them (`pieces`).
+    pub fn nearly_misses(&self, cone: &Cone) -> bool {
+        let [a, b, c] = &cone.corners;
+        // The rounded normal of others is none.
+        let is_wide = |[p, q]: [&Vec3; 2]| p.cross(q).norm() > 1e-6 * p.norm() * q.norm();
+        let beyond = |side: [&Vec3; 2], points: &[Vec3]| points.iter().all(|point| beside(side, point) <= 0.0);
+        [[a, b], [b, c], [c, a]].into_iter().any(|side| beyond(side, &self.corners))
+            || self.sides.iter().any(|[p, q]| is_wide([p, q]) && beyond([p, q], &cone.corners))
+    }
+
+    /// The corners of the polygon of directions in a cone; none if there are none.
+    pub fn within(&self, cone: &Cone) -> Vec<Vec3> {
+        let mut corners = cone.corners.to_vec();
+        for plane in &self.planes {
+            let room = CUT * plane.norm() * cone.corners.iter().map(|p| p.norm()).fold(0.0, f64::max);
+            [corners, _] = cut(&corners, |p| plane.dot(p) + room, |p| *p, |p| p);
+        }
+        corners
+    }
+
     /// Whether every side has its plane, so that polygons cut by them are the shadow up to rounding.
     fn is_exact(&self) -> bool {
         self.sides.len() == self.planes.len()
@@ -103,12 +124,7 @@ pub(super) struct Polygon {
 impl Polygon {
     /// The directions of a tet in a cone; none if there are none.
     pub fn of(shadow: &Shadow, cone: &Cone, map: &TetMap) -> Option<Self> {
-        let mut corners = cone.corners.to_vec();
-        for plane in &shadow.planes {
-            let room = CUT * plane.norm() * cone.corners.iter().map(|p| p.norm()).fold(0.0, f64::max);
-            [corners, _] = cut(&corners, |p| plane.dot(p) + room, |p| *p, |p| p);
-        }
-        let corners: Vec<Corner> = corners.iter().map(|direction| corner(map, cone, direction)).collect();
+        let corners: Vec<Corner> = shadow.within(cone).iter().map(|direction| corner(map, cone, direction)).collect();
         let is_sampled = shadow.is_exact() && !is_thin(&corners);
         (!corners.is_empty()).then_some(Self { corners, is_sampled })
     }
@@ -205,5 +221,6 @@ mod tests {
         let cone = Cone::over(&[Vec3::x(), Vec3::new(1.0, 2.0, 0.1), Vec3::new(1.0, 0.1, 2.0)]);
         let behind = Cone::over(&[Vec3::x(), Vec3::new(1.0, -2.0, -0.1), Vec3::new(1.0, -0.1, -2.0)]);
         assert!(!shadow.misses(&cone) && shadow.misses(&behind));
+        assert!(shadow.within(&cone).len() >= 3);
     }
 }

@@ -1,0 +1,97 @@
+//! Points of tets at which a map onto the ball is looked at, and what it is there.
+
+use super::cones::{Cone, Cones};
+use super::pieces::{THIN, Weights, part, within};
+use super::polygon::Shadow;
+use super::{NotOntoBall, onto_ball};
+use crate::dilatation::Dilatation;
+use crate::domain::Domain;
+use crate::map::{self, Corners};
+use crate::mesh::{Mat3, TetId, Vec3};
+
+/// The radial map of an image onto the ball, after a map of a domain to that image.
+pub(crate) struct OntoBall<'a> {
+    domain: &'a Domain,
+    corners: Option<&'a Corners>,
+    image: &'a [Vec3],
+    pub(super) cones: Cones,
+}
+
+impl<'a> OntoBall<'a> {
+    /// Takes a map, with the warps of corners if it has any.
+    ///
+    /// # Errors
+    /// The image is not a polyhedron inscribed in a sphere about 0 and star-shaped about 0.
+    pub fn new(domain: &'a Domain, corners: Option<&'a Corners>, image: &'a [Vec3]) -> Result<Self, NotOntoBall> {
+        let cones = Cones::new(&onto_ball(domain, image)?);
+        Ok(Self { domain, corners, image, cones })
+    }
+
+    /// The cone that a tet is warped with; `None` if it is not.
+    pub(super) fn warped_cone(&self, tet: TetId) -> Option<&'a map::Cone> {
+        self.corners.and_then(|corners| corners.warped_cone(tet))
+    }
+
+    /// The largest K at the corners of [`OntoBall::factors`].
+    pub(super) fn sampled(&self, tet: TetId) -> f64 {
+        self.factors(tet).iter().map(|(k, _)| *k).fold(1.0, f64::max)
+    }
+
+    /// At the corners of the parts of a tet in single cones the matrices R and L, of determinants p > 0 and 1, with which the map onto the
+    /// ball has the Jacobian L J R up to a factor, J being that of the piecewise-linear map; before them K there. On such a part K has its
+    /// maximum at a corner, up to the curvature of L and R. The apex of a warped tet has an R in each direction, 0 an L.
+    pub fn factors(&self, tet: TetId) -> Vec<(f64, [Mat3; 2])> {
+        let rest = self.domain.mesh().corners(tet);
+        let images = self.domain.mesh().tets()[tet.index()].map(|v| self.image[v.index()]);
+        let jacobian = self.domain.jacobian(tet, self.image);
+        let warp = self.warped_cone(tet).and_then(|_| self.corners?.warp(tet));
+        let (mut found, shadow) = (Vec::new(), Shadow::of(&images));
+        self.cones.for_each_near(shadow.cap(), 0.0, &mut |index| {
+            let cone = self.cones.get(index);
+            if shadow.nearly_misses(cone) {
+                return;
+            }
+            let mut corners: Vec<Weights> = Vec::new();
+            for simplex in within(&images, cone).into_iter().filter(|simplex| part(simplex) > THIN) {
+                corners.extend(simplex);
+            }
+            corners.sort_unstable_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));
+            corners.dedup();
+            let of = |points: &[Vec3; 4], weights: &Weights| -> Vec3 {
+                points.iter().zip(weights).map(|(p, w)| p * *w).sum::<Vec3>() / weights.iter().sum::<f64>()
+            };
+            let ends: Vec<[Option<Mat3>; 2]> = corners
+                .iter()
+                .map(|weights| {
+                    let right = match warp {
+                        None => Some(Mat3::identity()),
+                        Some(warp) => warp.projections([of(&rest, weights); 4]).next().map(|u| warp.factor(&u)),
+                    };
+                    [right, shear(cone, &of(&images, weights))]
+                })
+                .collect();
+            let mut take = |right: Mat3, left: Mat3| {
+                found.push((Dilatation::of(&(left * jacobian * right)).k(), [right, left]));
+            };
+            for end in &ends {
+                match *end {
+                    [Some(right), Some(left)] => take(right, left),
+                    [None, Some(left)] => {
+                        ends.iter().filter_map(|[right, _]| *right).for_each(|right| take(right, left))
+                    }
+                    [Some(right), None] => ends.iter().filter_map(|[_, left]| *left).for_each(|left| take(right, left)),
+                    [None, None] => {}
+                }
+            }
+        });
+        found
+    }
+}
+
+/// The shear of the radial map on a cone in a direction; `None` where the direction is not in front of the cone's plane.
+fn shear(cone: &Cone, y: &Vec3) -> Option<Mat3> {
+    let normal = Vec3::from(cone.normal.map(|entry| entry.middle()));
+    let along = normal.dot(y);
+    let shear = Mat3::identity() + y * normal.transpose() / along - y * y.transpose() / y.norm_squared();
+    (along > 0.0 && shear.iter().all(|x| x.is_finite())).then_some(shear)
+}

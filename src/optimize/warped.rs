@@ -1,0 +1,179 @@
+//! Maps after warps of corners, symmetric maps, and K onto the ball made small: what is minimized is the largest K of tets that have several
+//! matrices each.
+//!
+//! A map onto the ball has at a point the Jacobian L J R up to a factor: J that of the piecewise-linear map, R that of the warp of a
+//! corner if there is one, and L a shear that depends on the direction of the point's image and on the boundary triangle there
+//! ([`crate::measure::ball_dilatation`]). With R and L held as they are at some points of all tets, the largest K is a minimax
+//! problem like that without them; it is solved, R and L are taken anew on the way to its solution, and so on as long as K
+//! falls. At a fixed point the derivatives of L are all that is left out of the conditions of stationarity.
+//!
+//! A map that commutes with the mirror planes of a domain is known from one chamber, whose vertices stay on their planes. Where
+//! the least largest K is attained, it is attained by such a map if the problem were convex; it is not, but nothing better was seen.
+
+use rayon::prelude::*;
+
+use super::{
+    Objective, OptimizeError, OptimizeSettings, Outcome, Polish, Start, StopReason, TraceRow, optimize_unknowns,
+    unknowns,
+};
+use crate::domain::Domain;
+use crate::map::Corners;
+use crate::measure::{NotOntoBall, OntoBall, measure};
+use crate::mesh::{Mat3, Mirrors, TetId, Vec3};
+
+/// Most times that the factors are taken anew.
+const ROUNDS: usize = 12;
+/// Relative fall of K onto the ball in a round below which there is no other.
+const GAIN: f64 = 1e-3;
+/// Share of the largest ln K above which the factors of a tet are held in view, and the least and most of them that are.
+const NEAR: (f64, usize, usize) = (0.85, 2, 6);
+/// Shares of the way to the solution of a problem with held factors that are tried: far from where these were taken it says little.
+const SHARES: [f64; 6] = [1.0, 0.7, 0.5, 0.25, 0.1, 0.04];
+
+/// A domain whose boundary stays on the sphere or on its place, with what its maps are made of.
+#[derive(Clone, Copy)]
+pub struct Warped<'d> {
+    /// The domain.
+    pub domain: &'d Domain,
+    /// The warps of corners, if there are any.
+    pub corners: Option<&'d Corners>,
+    /// The mirror planes of the domain about the origin of the image, if its maps are to be symmetric.
+    pub mirrors: Option<&'d Mirrors>,
+    /// Whether K onto the ball is made small rather than that onto the polyhedron.
+    pub onto_ball: bool,
+}
+
+impl Warped<'_> {
+    /// Moves the vertices so that the objective falls. For K onto the ball the start, inscribed in a sphere about 0 and star-shaped
+    /// about 0, is first improved as without it. The outcome's KKT residual is then that of the last problem with given
+    /// shears, and its trace has a row a round after those of the first map, whose objective is the logarithm of K onto the ball,
+    /// as far as points of the tets tell.
+    ///
+    /// # Errors
+    /// As [`optimize()`](super::optimize()), and a start that is not onto the ball.
+    pub fn optimize(
+        &self,
+        start: &[Vec3],
+        settings: &OptimizeSettings,
+        observe: &mut dyn FnMut(&TraceRow),
+    ) -> Result<Outcome, OptimizeError> {
+        let rights = |tet: TetId| self.corners.map_or(Vec::new(), |corners| corners.factors(self.domain, tet));
+        let tets = self.tets();
+        let (plain, _) = self.chamber().with_factors(|tet| rights(tets[tet.index()]));
+        if !self.onto_ball {
+            return self.solved(&plain, Start::Anywhere, start, settings, observe);
+        }
+        OntoBall::new(self.domain, self.corners, start)?;
+        let settings = OptimizeSettings { objective: Objective::Max, polish: Polish::None, ..settings.starting_now() };
+        let mut now = self.solved(&plain, Start::Anywhere, start, &settings, observe)?;
+        let mut held = self.held(&now.positions)?;
+        for _ in 0..ROUNDS {
+            // What ended the rest is told.
+            if !matches!(now.stop, StopReason::Optimal | StopReason::Converged | StopReason::NoProgress) {
+                break;
+            }
+            let next = self.solved(&held.domain, Start::Settled, &now.positions, &settings, &mut |_| {})?;
+            let tried = SHARES.iter().filter_map(|share| {
+                let image = self.part_of_the_way([&now.positions, &next.positions], *share, &settings);
+                Some((self.held(&image).ok()?, image))
+            });
+            let best = tried.reduce(|a, b| if b.0.k < a.0.k { b } else { a });
+            let Some((trial, positions)) = best.filter(|(trial, _)| trial.k < held.k) else { break };
+            let gain = 1.0 - trial.k / held.k;
+            let summary = measure(&plain, &self.restricted(&positions)).summary;
+            let mut trace = now.trace;
+            if let Some(last) = trace.last().cloned() {
+                let row = TraceRow {
+                    phase: "onto the ball".into(),
+                    iteration: trace.len(),
+                    objective: trial.k.ln(),
+                    max_k: summary.max_k,
+                    mean_k: summary.mean_k,
+                    step: 1.0,
+                    seconds: last.seconds + next.trace.last().map_or(0.0, |row| row.seconds),
+                    ..last
+                };
+                observe(&row);
+                trace.push(row);
+            }
+            (now, held) = (Outcome { positions, trace, ..next }, trial);
+            if gain < GAIN {
+                break;
+            }
+        }
+        Ok(now)
+    }
+
+    /// The tets that are solved for.
+    fn tets(&self) -> Vec<TetId> {
+        let all = || (0..self.domain.mesh().tets().len() as u32).map(TetId).collect();
+        self.mirrors.map_or_else(all, |mirrors| mirrors.tets().to_vec())
+    }
+
+    fn chamber(&self) -> Domain {
+        self.mirrors
+            .map_or_else(|| self.domain.clone(), |mirrors| self.domain.chamber(mirrors.vertices(), mirrors.tets()))
+    }
+
+    fn restricted(&self, image: &[Vec3]) -> Vec<Vec3> {
+        self.mirrors.map_or_else(|| image.to_vec(), |mirrors| mirrors.folded(image))
+    }
+
+    /// Optimizes a domain that has this one's chamber's vertices.
+    fn solved(
+        &self,
+        domain: &Domain,
+        known: Start,
+        start: &[Vec3],
+        settings: &OptimizeSettings,
+        observe: &mut dyn FnMut(&TraceRow),
+    ) -> Result<Outcome, OptimizeError> {
+        let start = self.restricted(start);
+        let mut unknowns = unknowns(domain, &start, domain.boundary().vertex_mask(), settings.boundary_values)?;
+        if let Some(mirrors) = self.mirrors {
+            unknowns = unknowns.within(mirrors.within());
+        }
+        let outcome = optimize_unknowns(known, domain, &start, &unknowns, settings, observe)?;
+        let positions = match self.mirrors {
+            None => outcome.positions,
+            Some(mirrors) => mirrors.unfolded(&outcome.positions),
+        };
+        Ok(Outcome { positions, ..outcome })
+    }
+
+    /// Positions between two images; those of the boundary on the sphere again.
+    fn part_of_the_way(&self, [from, to]: [&[Vec3]; 2], share: f64, settings: &OptimizeSettings) -> Vec<Vec3> {
+        let slides = settings.boundary_values == super::BoundaryValues::Sliding;
+        let on_sphere = |v: usize| slides && share < 1.0 && self.domain.boundary().vertex_mask()[v];
+        let between = |v: usize| from[v] + (to[v] - from[v]) * share;
+        let image: Vec<Vec3> = (0..from.len())
+            .map(|v| if on_sphere(v) { between(v) * (from[v].norm() / between(v).norm()) } else { between(v) })
+            .collect();
+        // Its symmetry is exact again.
+        self.mirrors.map_or(image.clone(), |mirrors| mirrors.unfolded(&mirrors.folded(&image)))
+    }
+
+    /// All factors of tets of large K onto the ball, and the worst of the others. An image with a flipped tet has infinite K.
+    fn held(&self, image: &[Vec3]) -> Result<Held, NotOntoBall> {
+        let onto = OntoBall::new(self.domain, self.corners, image)?;
+        let all: Vec<Vec<(f64, [Mat3; 2])>> = self.tets().into_par_iter().map(|tet| onto.factors(tet)).collect();
+        let k = all.iter().flatten().map(|(k, _)| *k).fold(1.0, f64::max);
+        let least = (NEAR.0 * k.ln()).exp();
+        let kept = |of_tet: &Vec<(f64, [Mat3; 2])>| -> Vec<[Mat3; 2]> {
+            let mut sorted: Vec<&(f64, [Mat3; 2])> = of_tet.iter().collect();
+            sorted.sort_by(|a, b| b.0.total_cmp(&a.0));
+            let near = sorted.iter().filter(|(k, _)| *k >= least).count();
+            sorted.truncate(near.clamp(NEAR.1, NEAR.2));
+            if sorted.is_empty() { vec![[Mat3::identity(); 2]] } else { sorted.iter().map(|(_, both)| *both).collect() }
+        };
+        let kept: Vec<Vec<[Mat3; 2]>> = all.iter().map(kept).collect();
+        Ok(Held { k, domain: self.chamber().with_factors_on_both_sides(&kept) })
+    }
+}
+
+/// A domain whose tets have the factors of a map onto the ball.
+struct Held {
+    /// The largest K onto the ball by these factors.
+    k: f64,
+    domain: Domain,
+}
