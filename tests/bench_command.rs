@@ -67,7 +67,7 @@ fn row<'a>(section: &'a str, name: &str) -> Vec<&'a str> {
 fn the_table_has_our_figures_and_those_of_the_peers() {
     let folder = folder();
     // In two files.
-    let (of_a, of_b) = PEERS.split_at(PEERS.find("b,").unwrap());
+    let (of_a, of_b) = PEERS.split_at(PEERS.find("\nb,").unwrap() + 1);
     let header = of_a.lines().next().unwrap();
     fs::write(folder.path().join("a.csv"), of_a).unwrap();
     fs::write(folder.path().join("b.csv"), format!("{header}\n{of_b}")).unwrap();
