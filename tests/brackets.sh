@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Two-sided bounds of the quasi-conformal coefficient of polyhedra: results/brackets/table.csv, .md and .svg. Some 30
+# Two-sided bounds of the quasi-conformal coefficient of polyhedra: results/brackets: table.csv, table.md, plot.svg. Some 30
 # minutes of one core in all. Needs jq.
 #
 #   tests/brackets.sh QCBALL [SOLID]...     makes the rows of these solids anew and keeps the others; all without names
@@ -116,4 +116,4 @@ awk -F, '
         print "</svg>"
     }' "$csv" >"$dir/brackets.svg"
 cp "$dir/table.md" results/brackets/table.md
-cp "$dir/brackets.svg" results/brackets/brackets.svg
+cp "$dir/brackets.svg" results/brackets/plot.svg
