@@ -37,7 +37,7 @@ mkdir -p results/any-solid
 # Solids of any shape
 
 Made by \`tests/any-solid.sh\`; qcball revision $(git rev-parse --short HEAD). Each is a tet mesh as it came, mapped onto the ball from a
-spherical start, at most $iterations iterations of each kind, one thread. *Tets* as they came and after the splits that free locked ones and help
+spherical start, at most $iterations iterations, one thread. *Tets* as they came and after the splits that free locked ones and help
 resisting ones. The boundary is mapped by progressive embedding, no triangle flipped and the sphere covered once by exact predicate;
 *s1/s2* is its largest stretch there. *Start*: flipped tets of the harmonic start inside; *steps* and *splits*: sweeps until none was, and
 edges halved for it. *CPU*: all of a run, bounds and files as well. *Sliding*: the boundary's vertices move too, and the largest K
