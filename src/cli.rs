@@ -29,13 +29,13 @@ use crate::experiment::{self, Event, RunError, Stage, Start};
 use crate::mesh::io::{ReadError, WriteError, check_file_can_be_put, check_folder_is_writable, shown_path};
 use crate::optimize::StopReason;
 use crate::report::{
-    FILES, INCOMPLETE, PageError, summary, time_line, write_case_pages, write_pages, write_pages_of, write_pair,
+    FILES, INCOMPLETE, PageError, summary_within, time_line, write_case_pages, write_pages, write_pages_of, write_pair,
     write_results,
 };
 use crate::sweep::{TableError, memory_of};
 use crate::verify::VerifyError;
 use inputs::refuse_to_write_over;
-use output::{fault, note, print, show_error};
+use output::{columns, fault, note, print, show_error};
 use progress::{Progress, ProgressArguments};
 
 #[cfg(feature = "nlopt")]
@@ -381,7 +381,7 @@ fn run(arguments: &RunArguments) -> Result<Ending, Failure> {
     if arguments.json {
         print(&finished.report.to_json())?;
     } else if !arguments.told.quiet {
-        let (summary, time) = (summary(&finished.report), time_line(finished.report.achieved.times));
+        let (summary, time) = (summary_within(&finished.report, columns()), time_line(finished.report.achieved.times));
         let page = page.map(|page| format!("page        {}\n", shown_path(&page))).unwrap_or_default();
         print(&format!("{summary}{time}results     {}\n{page}", shown_path(&folder)))?;
     }

@@ -61,7 +61,7 @@ fn figure_11_flips_nothing_in_cones_and_comes_nearer_to_the_supremum() {
         assert!(pair.iter().all(|row| row.flipped == 0), "{pair:?}");
         assert!(pair[0].cells < pair[1].cells && error(&pair[1]) < error(&pair[0]), "{pair:?}");
     }
-    // bounds.md, last table: the radial map of the cube, in closed form.
+    // The radial map of the cube, in closed form.
     let cube = rows.iter().find(|row| row.mesh.starts_with("cube")).unwrap();
     assert!((cube.supremum.unwrap() - 7.2102).abs() < 1e-3);
 }

@@ -37,7 +37,7 @@ fn a_power_at_the_corners_of_a_cube_lowers_k_and_every_file_has_it() {
     assert!(!folder.path().join("linear/corners.csv").exists());
     let config = format!("{FLAGS}[boundary]\ncorners = 1.3\n");
     let power = report(folder.path(), "power", &config, &["--threads", "1"]);
-    // 7.2 of the radial map, and 4.99 and 3.65 for one corner by itself (corners.md, §2), on a coarse mesh.
+    // 7.2 of the radial map, and 4.99 and 3.65 for one corner by itself, on a coarse mesh.
     assert!(max_k(&power) < 0.9 * max_k(&linear), "{} {}", max_k(&power), max_k(&linear));
     let corners = power["corners"].as_array().unwrap();
     assert_eq!(corners.len(), 8);
@@ -168,7 +168,7 @@ fn a_boundary_that_slides_leaves_the_corners_less_to_do() {
         );
         max_k(&run)
     });
-    // Of one cube's corner by itself: 4.41 sliding, 2.835 with a power as well (corners.md, §2).
+    // Of one cube's corner by itself: 4.41 sliding, 2.835 with a power as well.
     assert!(both < 0.8 * fixed.min(linear), "{fixed} {linear} {both}");
     assert!(both > 2.0, "no quasi-conformal map of the cube goes below 2: {both}");
     let (code, said, _) = qcball(folder.path(), &["verify", "sliding-1.6"]);

@@ -59,7 +59,7 @@ fn caramans_map_of_a_cube_has_its_closed_form() {
     write_cube(&folder.path().join("in.mesh"), Vec3::new(0.5, 0.0, 0.0));
     let (code, out, err) = qcball(folder.path(), &["map", "caraman", "centre=[0.5, 0, 0]", "in.mesh", "out.mesh"]);
     assert_eq!((code, err.as_str()), (0, ""));
-    // ((sqrt 2 + sqrt 6) / 2)^3 (bounds.md, table C).
+    // ((sqrt 2 + sqrt 6) / 2)^3.
     assert!(out.contains("sup K_I 7.209769, sup K_O 7.209769"), "{out}");
     let image = read_tets(&folder.path().join("out.mesh")).unwrap();
     let farthest = image.points.iter().map(|p| p.norm()).fold(0.0, f64::max);

@@ -1,4 +1,4 @@
-//! The piecewise-linear radial map on ever finer shell meshes against the closed forms of bounds.md, last table.
+//! The piecewise-linear radial map on ever finer shell meshes against their closed forms.
 
 use qcball::Domain;
 use qcball::map::{RadialCoordinates, caraman};

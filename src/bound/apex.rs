@@ -1,4 +1,4 @@
-//! The apex bound: an interior vertex over fixed faces (bounds.md B4.3).
+//! The apex bound: an interior vertex over fixed faces.
 
 use std::cmp::Reverse;
 

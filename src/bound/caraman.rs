@@ -7,7 +7,7 @@ use crate::mesh::Features;
 /// nothing for a solid that is not convex.
 ///
 /// **Quoted, not proved**: it does not follow from the wedge bound (for the regular tetrahedron it claims 3, where the
-/// wedge bound gives 2.552), and bounds.md A could neither prove nor refute it. It is reported as uncertified and is never
+/// wedge bound gives 2.552), and we could neither prove nor refute it. It is reported as uncertified and is never
 /// part of a gap.
 pub fn caraman(features: &Features) -> Option<LowerBound> {
     let faces = features.flat_faces();

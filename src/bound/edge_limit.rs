@@ -1,4 +1,4 @@
-//! What the edge bound of piecewise-linear maps tends to when the boundary is refined (bounds.md B3.2 with beta = pi).
+//! What the edge bound of piecewise-linear maps tends to when the boundary is refined, where the angles on the image side add up to pi.
 
 use std::f64::consts::PI;
 
@@ -12,7 +12,7 @@ use crate::mesh::angle::Angle;
 /// is refined, so that the inscribed polyhedron's angle beta at the edge's image tends to pi.
 ///
 /// It bounds the limit inferior of K over orientation-preserving piecewise-linear maps with the radial boundary values on
-/// ever finer meshes (a theorem, B3.2: `K >= (beta / alpha)^(3/2)` on each mesh). For *general* quasi-conformal maps
+/// ever finer meshes (a theorem: `K >= (beta / alpha)^(3/2)` on each mesh). For *general* quasi-conformal maps
 /// `K >= (pi / alpha)^(3/2)` is a conjecture, hence it is not certified for its scope, and applies to no single map.
 ///
 /// Checked by `check::factor`.

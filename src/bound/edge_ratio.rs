@@ -1,4 +1,4 @@
-//! The ratio of dihedral angles at a boundary edge (paper eq. 42, bounds.md B3.2).
+//! The ratio of dihedral angles at a boundary edge (paper eq. 42).
 
 use super::boundary_image::half_turns;
 use super::check::{factor, three_halves_power};

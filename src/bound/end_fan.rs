@@ -1,4 +1,4 @@
-//! The fan bound with the fixed faces of its end tets (bounds.md B3.3).
+//! The fan bound with the fixed faces of its end tets.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -52,7 +52,7 @@ const ACCURACY: f64 = 1e-9;
 /// face's image, and m the stretch of the face across the edge, then the image angle b has
 /// `cot b = (m cot a + g . v) / z`. At given z, `|g . v| <= h(z)`, the support function of the two concentric ellipses, the least
 /// `(g^T (t Q + (1 - t) Q')^-1 g)^(1/2)` over t in [0, 1] for their forms Q and Q'. In u = 1 / z the extremes
-/// `u m cot a -+ u h(1 / u)` are convex and concave: the set of all (v, z) is convex (B4.3), so h is concave, and u h(1 / u)
+/// `u m cot a -+ u h(1 / u)` are convex and concave: the set of all (v, z) is convex (see `one_free_vertex`), so h is concave, and u h(1 / u)
 /// is its perspective. The half-spaces are those at the extreme position and beside it.
 ///
 /// Checked by `check::fan::exceeds_with_ends`, a trace by `check::linear::stretch_ratio`. Edges that may be wound (several image angles are possible) or whose image is folded
@@ -402,7 +402,7 @@ mod tests {
 
     #[test]
     fn the_table_of_the_cubes_edge() {
-        // bounds.md B6: fans of n equal angles at (1, 1, s), opening from 90 to 180 degrees.
+        // Fans of n equal angles at (1, 1, s), opening from 90 to 180 degrees.
         let table =
             [(0.0, 2, 4.200), (0.0, 4, 3.042), (0.0, 6, 2.914), (0.9, 2, 4.606), (0.9, 4, 3.469), (0.9, 6, 3.243)];
         for (s, count, expected) in table {

@@ -1,4 +1,4 @@
-//! The fan bound: dihedral angles of the tets around a boundary edge (bounds.md B2, B3.1).
+//! The fan bound: dihedral angles of the tets around a boundary edge.
 
 use super::boundary_image::half_turns;
 use super::check::fan::{exceeds, half_tangent};
@@ -98,7 +98,7 @@ mod tests {
 
     #[test]
     fn one_tet_has_the_closed_form() {
-        // bounds.md B2, four decimals; its "172 deg" is 3 radians and its "69 -> 29 deg" 1.2 -> 0.5 radians, rounded.
+        // Computed apart from this, to four decimals.
         use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
         for (from, to, power) in [(FRAC_PI_2, 3.0, 52.9535), (FRAC_PI_4, FRAC_PI_2, 3.7511), (1.2, 0.5, 4.3856)] {
             let tau = fan_stretch(&[exactly(from)], exactly(to), 1.0);
@@ -123,7 +123,7 @@ mod tests {
             let angles: Vec<Angle> = pairs.iter().map(|pair| exactly(pair.0)).collect();
             let (alpha, beta): (f64, f64) = (pairs.iter().map(|p| p.0).sum(), pairs.iter().map(|p| p.1).sum());
             let tau = fan_stretch(&angles, exactly(beta), 1.0);
-            // B3.2 below, and above the fan that has these very image angles.
+            // The edge ratio below, and above the fan that has these very image angles.
             let achieved = pairs
                 .iter()
                 .map(|(a, b)| ((b / 2.0).tan() / (a / 2.0).tan()).ln().abs().exp())

@@ -1,4 +1,4 @@
-//! Tets whose four vertices are fixed (bounds.md B4.1).
+//! Tets whose four vertices are fixed.
 
 use super::{Kind, LowerBound, Place, check, strongest};
 use crate::domain::Domain;

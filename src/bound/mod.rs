@@ -1,14 +1,11 @@
 //! Proved lower bounds for the largest dilatation, one theorem a file, each with its scope and its proof.
 //!
-//! "bounds.md" in these pages is the working note they were written from, which is not part of this repository; the numbers
-//! (B4.3) are its sections. Nothing here needs it.
-//!
 //! Every bound is computed from the domain, its boundary and the image positions of the *boundary* vertices alone; the
-//! interior of a map can change none of them. All use the chain of bounds.md §0: with H = s1 / s3,
+//! interior of a map can change none of them. All use one chain: with H = s1 / s3,
 //! `K_I = s1 s2 / s3^2 >= H`, `K_O = s1^2 / (s2 s3) >= H` and `K_I K_O = H^3`, so a lower bound h on H gives
 //! `K >= h^(3/2)`, with equality if and only if `s2^2 = s1 s3`.
 //!
-//! What holds where the solid is not a convex polyhedron with fixed boundary values (bounds.md, "Conjectures"):
+//! What holds where the solid is not a convex polyhedron with fixed boundary values:
 //!
 //! - *Concave edges, angles above pi*: fan, edge-ratio and vertex bounds hold as they stand, with the actual angles on both
 //!   sides (they then bound K_O, or both). The wedge bound is for convex edges only: for concave ones with free boundary
@@ -100,7 +97,7 @@ pub enum Scope {
     /// Any quasi-conformal map of the solid onto the smooth ball, boundary values free.
     #[serde(rename = "any qc map of the solid onto the ball")]
     Shape,
-    /// Any quasi-conformal map of the solid onto the smooth ball with the radial boundary values (`[QC-fix]`).
+    /// Any quasi-conformal map of the solid onto the smooth ball with the radial boundary values.
     #[serde(rename = "qc maps of the solid onto the ball with the radial boundary values")]
     ShapeFixedTrace,
     /// Piecewise-linear maps of this mesh with these boundary positions (`[PL-fix]`): the scope of what we measure.

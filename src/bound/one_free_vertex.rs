@@ -1,4 +1,4 @@
-//! The least dilatation of tets that share their one free vertex, from below and above (bounds.md B4.3).
+//! The least dilatation of tets that share their one free vertex, from below and above.
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus, SupportedConeT};

@@ -1,4 +1,4 @@
-//! Theorems over families: the table of bounds.md C, and no bound above what a map achieves.
+//! Theorems over families: closed forms of solids, and no bound above what a map achieves.
 
 use std::f64::consts::PI;
 
@@ -58,8 +58,8 @@ fn the_table_of_the_convex_bodies() {
     let octahedron = hull(orbit([1.0, 0.0, 0.0]));
     let icosahedron = hull(orbit([0.0, 1.0, golden]));
     let dodecahedron = hull([orbit([1.0; 3]), orbit([0.0, 1.0 / golden, golden])].concat());
-    // bounds.md C: pi / alpha, (m-1)/(m-3), (pi / alpha)^1.5, (1 / cos theta)^1.5, 2 pi / omega; three decimals. The
-    // dodecahedron's last entry is misprinted there as 2.122: omega = pi - atan(2/11).
+    // pi / alpha, (m-1)/(m-3), (pi / alpha)^1.5, (1 / cos theta)^1.5, 2 pi / omega, to three decimals; the
+    // dodecahedron's omega is pi - atan(2/11).
     let table = [
         (tetrahedron(), [2.552, 3.000, 4.077, 5.196, 11.397]),
         (cube(), [2.000, 1.667, 2.828, 2.280, 4.000]),
@@ -225,7 +225,7 @@ proptest! {
         free.iter().for_each(|&v| image[v] = Vec3::from_element(f64::NAN));
         let blind = all(&domain, &image, None, false);
         prop_assert_eq!(format!("{bounds:?}"), format!("{blind:?}"));
-        // B3.1 is never below B3.2.
+        // The fan bound is never below that of the ratio.
         let [fan, ratio] = ["fan", "edge-ratio"].map(|name| value(&bounds, name));
         prop_assert!(fan >= ratio * (1.0 - 1e-10) || ratio < 1.0 + 1e-10, "{fan} {ratio}");
     }

@@ -1,4 +1,4 @@
-//! The trace bound: triangles whose three vertices are fixed (bounds.md B1).
+//! The trace bound: triangles whose three vertices are fixed.
 
 use super::check::{self, three_halves_power};
 use super::{Kind, LowerBound, Place, strongest, with_inner_and_outer};

@@ -1,4 +1,4 @@
-//! The trace bound of the smooth problem with the radial boundary values (bounds.md B1, [QC-fix]).
+//! The trace bound of the smooth problem with the radial boundary values.
 
 use super::check::{linear::slant, three_halves_power};
 use super::{Kind, LowerBound, Place, Scope, strongest};

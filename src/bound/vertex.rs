@@ -1,4 +1,4 @@
-//! The vertex bound: solid angles of a boundary vertex's star (bounds.md B4.4).
+//! The vertex bound: solid angles of a boundary vertex's star.
 
 use super::boundary_image::half_turns;
 use super::check::factor;

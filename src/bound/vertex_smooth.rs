@@ -1,4 +1,4 @@
-//! The vertex bound of the smooth problem with the radial boundary values (bounds.md B4.4, [QC-fix]).
+//! The vertex bound of the smooth problem with the radial boundary values.
 
 use std::f64::consts::TAU;
 

@@ -11,7 +11,7 @@ use crate::mesh::angle::Angle;
 /// `K_I >= pi / alpha` for every quasi-conformal homeomorphism of the solid onto the ball, alpha the least dihedral angle
 /// of a convex edge; nothing for a solid without convex edges.
 ///
-/// **Proof** (bounds.md A). Let f(0) = 0 on the edge, L = log(1 / eps) and L' the logarithm of the corresponding ratio in
+/// **Proof.** Let f(0) = 0 on the edge, L = log(1 / eps) and L' the logarithm of the corresponding ratio in
 /// the image, up to a constant by quasi-symmetry. The ring eps < |x| < 1 has modulus 2 alpha / L^2 in the wedge and
 /// 2 pi / L'^2 in the half-space, so L' >= L sqrt(pi / (alpha K_I)). The modulus of curves joining the edge's pieces
 /// [-1, -eps] and [eps, 1] is alpha c L + O(1), that of their images, continua in the boundary plane, at least

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::inputs::{positive, read_map, refuse_to_write_over};
 use super::interrupt::cancel_on_signal;
-use super::output::{note, print};
+use super::output::{columns, note, print};
 use super::{Ending, Failure};
 use crate::bound::certificate::{self, DEFAULT_TIME_LIMIT};
 use crate::bound::{self, LowerBound, confront};
@@ -17,7 +17,9 @@ use crate::estimate::{self, Estimate, EstimateSummary, Estimator, Weights};
 use crate::experiment::{GivenMap, RunError};
 use crate::measure::{BallDilatation, Summary, measure_onto_ball};
 use crate::mesh::io::shown_path;
-use crate::report::{BallFigures, BestBound, Limit, ball_lines, bounds_table, dilatations, to_json, write_certificate};
+use crate::report::{
+    BallFigures, BestBound, Limit, ball_lines, best_and_limit, bounds_list, dilatations, to_json, write_certificate,
+};
 
 /// The map, and whether to estimate as well.
 #[derive(Debug, Args)]
@@ -145,8 +147,8 @@ pub(super) fn measure_map(arguments: &MeasureArguments) -> Result<Ending, Failur
     };
     print(&format!(
         "{tets} tets ({locked} locked), {vertices} vertices\n{}{mirrored}{}{}",
-        dilatations(&[("map", summary)]),
-        ball_lines(&ball, None, summary),
+        dilatations(columns(), &[("map", summary)]),
+        ball_lines(columns(), &ball, None, summary),
         estimated.map_or_else(String::new, |estimated| estimated.lines())
     ))
 }
@@ -188,7 +190,9 @@ pub(super) fn bound_map(arguments: &BoundArguments) -> Result<Ending, Failure> {
     if *json {
         print(&to_json(&BoundFigures { bounds, best, ball, limit, max_k, ball_k: summary.ball_k }))?;
     } else {
-        print(&(bounds_table(&bounds, best, &limit) + &ball_lines(&ball, None, &summary)))?;
+        let columns = columns();
+        let short = best_and_limit(columns, best, &limit) + &ball_lines(columns, &ball, None, &summary);
+        print(&format!("{short}\n{}", bounds_list(columns, &bounds)))?;
     }
     Ok(match found {
         _ if cancel.is_raised() => Ending::Interrupted,

@@ -7,7 +7,7 @@ use clap::Args;
 
 use super::inputs::{positive, read_map, refuse_to_write_over};
 use super::interrupt::cancel_on_signal;
-use super::output::{fault, print};
+use super::output::{columns, fault, print};
 use super::progress::{Progress, ProgressArguments};
 use super::{Ending, Failure};
 use crate::cancel::Cancel;
@@ -145,7 +145,7 @@ pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure>
     if arguments.json {
         print(&to_json(&optimized.report))?;
     } else if !arguments.told.quiet {
-        print(&format!("{}image       {files}\n", map_summary(&optimized.report)))?;
+        print(&format!("{}image       {files}\n", map_summary(&optimized.report, columns())))?;
     }
     Ok(match &optimized.report {
         _ if !faults.is_empty() => Ending::Unfulfilled,

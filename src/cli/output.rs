@@ -9,6 +9,7 @@ use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
 use super::{Ending, Failure};
 use crate::config::ConfigError;
 use crate::mesh::io::is_harmful;
+use crate::report::COLUMNS;
 
 /// The text as a terminal may show it: names from files and configs may hold anything.
 fn printable(text: &str) -> Cow<'_, str> {
@@ -17,6 +18,12 @@ fn printable(text: &str) -> Cow<'_, str> {
         return Cow::Borrowed(text);
     }
     text.chars().map(|c| if is_escaped(c) { c.escape_default().to_string() } else { c.to_string() }).collect()
+}
+
+/// The width that a summary may have: a terminal's, or what is usual elsewhere.
+pub(super) fn columns() -> usize {
+    let size = console::Term::stdout().size_checked();
+    size.map_or(COLUMNS, |(_, columns)| usize::from(columns).min(COLUMNS))
 }
 
 /// Prints to standard output; unlike `print!`, a closed pipe is an error value and no panic.

@@ -12,7 +12,7 @@ use super::output::{fault, note, print};
 use super::{Ending, Failure, interrupt, pages_are_written, tell_of_program};
 use crate::experiment;
 use crate::mesh::io::{WriteError, shown_path};
-use crate::report::{Report, write_pages};
+use crate::report::{Report, write_sweep_pages};
 use crate::sweep::{
     Case, Ended, Event, Shard, SlurmJob, State, Sweep, SweepFolder, SweepSettings, Tally, run, write_index, write_slurm,
 };
@@ -143,7 +143,7 @@ fn end(arguments: &SweepArguments, tally: Tally, folder: &SweepFolder, index: Op
         (tally.cases - tally.done - tally.failed, "not done"),
     ];
     // Without an index there is nothing to show yet.
-    let page = index.is_none() || pages_are_written(folder.path(), &write_pages(folder.path()));
+    let page = index.is_none() || pages_are_written(folder.path(), &write_sweep_pages(folder.path()));
     let all = unfulfilled.iter().all(|&(count, _)| count == 0) && page;
     if !arguments.quiet {
         let mut words = format!("{} of {} cases done", tally.done, tally.cases);

@@ -182,7 +182,7 @@ fn scale(colour: Colour, figures: &Figures) -> Option<Scale> {
             let (gradient, ends) = DILATATION;
             // Where every cell is a similarity, a range all the same. A few large K shall not leave one colour to all others.
             let high = largest.max(1.001);
-            Some(Scale { low: 1.0, high, logarithmic: high > 10.0, gradient, ends })
+            Some(Scale { low: 1.0, high, logarithmic: true, gradient, ends })
         }
         Colour::Jacobian => {
             let least = finite().fold(f64::INFINITY, f64::min);

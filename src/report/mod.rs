@@ -3,6 +3,7 @@
 mod achieved;
 mod corners;
 mod figures;
+mod findings;
 mod html;
 mod limit;
 mod machine;
@@ -15,12 +16,15 @@ pub use figures::{
     BallFigures, BestBound, CornerFigures, DistortionFigures, DomainFigures, MapFigures, RefinedFigures,
     RefinementFigures, Splits, UntanglingFigures,
 };
-pub use html::{PageError, ShownMap, page_of_map, write_case_pages, write_pages, write_pages_of, write_pair};
+pub(crate) use findings::{ball_lines, best_and_limit, bounds_list};
+pub use html::{
+    PageError, ShownMap, page_of_map, write_case_pages, write_pages, write_pages_of, write_pair, write_sweep_pages,
+};
 pub use limit::{Limit, LimitedBy};
 pub(crate) use results::{CellRow, FILES, HALVED, HalvedRow, INCOMPLETE, START, trace_hash};
 pub use results::{MapRecord, write_certificate, write_results, write_trace};
-pub(crate) use summary::{ball_lines, bounds_table, dilatations};
-pub use summary::{map_summary, summary, time_line};
+pub(crate) use summary::dilatations;
+pub use summary::{COLUMNS, map_summary, summary, summary_within, time_line};
 
 use std::time::Instant;
 

@@ -1,32 +1,36 @@
 //! What a person reads of a run in a terminal.
 
+use super::findings::{ball_lines, best_and_limit, bounds_in_short, bounds_list, coarse_warning};
 use super::{
-    Achieved, BallFigures, BestBound, CornerFigures, DistortionFigures, DomainFigures, Limit, MapFigures, MapReport,
-    RefinedFigures, RefinementFigures, Report, Splits, Times, UntanglingFigures,
+    Achieved, CornerFigures, DistortionFigures, DomainFigures, MapFigures, MapReport, RefinedFigures,
+    RefinementFigures, Report, Splits, Times, UntanglingFigures,
 };
-use crate::bound::{Kind, LowerBound, Scope};
-use crate::dilatation::{lower_bound, number, upper_bound};
-use crate::measure::{BallDilatation, Bottleneck, Summary};
+use crate::dilatation::{number, upper_bound};
+use crate::measure::{Bottleneck, Summary};
 use crate::mesh::Place;
 use crate::mesh::io::on_one_line;
 use crate::optimize::StopReason;
 use crate::refine::RefineEnd;
 
-/// The width that a text is wrapped to.
-const COLUMNS: usize = 80;
-/// The share of the ball from which on an image passes for one.
-const FULL: f64 = 0.9;
-/// K onto the ball over K beyond which the image is too coarse somewhere for K to say much of a map onto the ball; surfaces that are refined
-/// by themselves end at 1.25 or little more.
-const COARSE: f64 = 3.0;
+/// The width of what is written into files and read through pipes, and the largest that is used.
+pub const COLUMNS: usize = 80;
+/// Where the text of a labelled line begins.
+const INDENT: usize = 12;
+/// The width of the tables of dilatations and of bounds.
+pub(super) const TABLE: usize = 77;
 /// The final largest K over that of the start beyond which a reader is told: more than the polish may spend.
 const RISEN: f64 = 1.001;
 /// What may help tets that resist untangling.
 const REFINE: &str = "refine the mesh there";
 
-/// The report in words and aligned numbers, some 80 columns wide, without colour and without anything that differs from one
-/// run to the next.
+/// The report in words and aligned numbers, [`COLUMNS`] wide, without colour and without anything that differs from one run to
+/// the next.
 pub fn summary(report: &Report) -> String {
+    summary_within(report, COLUMNS)
+}
+
+/// The same for a terminal of so many columns; below 40 some lines are wider.
+pub fn summary_within(report: &Report, columns: usize) -> String {
     let domain = &report.domain;
     let decimals = decimals(domain.volume);
     let centre = domain.centre.map(|position| {
@@ -42,35 +46,43 @@ pub fn summary(report: &Report) -> String {
     let bijective = format!("{}: {}", if report.bijective { "yes" } else { "no" }, report.bijective_reason);
     let remedy = if domain.centre.is_some() { "refine the mesh there, or move the star centre" } else { REFINE };
     let blocks = [
-        labelled("run", &format!("{} ({})", report.name, command_in_words(report))),
-        coarse_warning(&report.achieved.ball, &report.achieved.last),
-        labelled("solid", &domain.solid),
-        centre.map(|centre| labelled("centre", &centre)).unwrap_or_default(),
-        labelled("mesh", &mesh),
-        report.refinement.map(|refinement| refinement_in_words(refinement, domain)).unwrap_or_default(),
-        report.achieved.splits.map(splits_in_words).unwrap_or_default(),
-        map_in_words(&report.map).map(|map| labelled("map", &map)).unwrap_or_default(),
-        report.corners.as_ref().map(|corners| labelled("corners", &corners_in_words(corners))).unwrap_or_default(),
-        format!("\n{}\n", dilatations(&[("start", &report.achieved.initial), ("final", &report.achieved.last)])),
+        labelled(columns, "run", &format!("{} ({})", report.name, command_in_words(report))),
+        coarse_warning(columns, &report.achieved.ball, &report.achieved.last),
+        labelled(columns, "solid", &domain.solid),
+        centre.map(|centre| labelled(columns, "centre", &centre)).unwrap_or_default(),
+        labelled(columns, "mesh", &mesh),
+        report.refinement.map(|refinement| refinement_in_words(columns, refinement, domain)).unwrap_or_default(),
+        report.achieved.splits.map(|splits| splits_in_words(columns, splits)).unwrap_or_default(),
+        map_in_words(&report.map).map(|map| labelled(columns, "map", &map)).unwrap_or_default(),
+        report
+            .corners
+            .as_ref()
+            .map(|corners| labelled(columns, "corners", &corners_in_words(corners)))
+            .unwrap_or_default(),
+        format!(
+            "\n{}\n",
+            dilatations(columns, &[("start", &report.achieved.initial), ("final", &report.achieved.last)])
+        ),
         report
             .achieved
             .untangling
             .as_ref()
-            .map(|u| labelled("untangled", &untangling_in_words(u, remedy)))
+            .map(|u| labelled(columns, "untangled", &untangling_in_words(u, remedy)))
             .unwrap_or_default(),
         report
             .bottleneck
             .as_ref()
-            .map(|b| labelled("bottleneck", &bottleneck_in_words(b, decimals)))
+            .map(|b| labelled(columns, "bottleneck", &bottleneck_in_words(b, decimals)))
             .unwrap_or_default(),
-        refined_line(&report.achieved),
-        report.distortion.map(|distortion| distortion_in_words(distortion, report)).unwrap_or_default(),
-        labelled("bijective", &bijective),
-        labelled("stopped", &stop_in_words(report.achieved.stop, report.achieved.iterations)),
-        risen_warning(&report.achieved),
-        format!("\n{}", bounds_in_short(&report.achieved)),
-        ball_lines(&report.achieved.ball, Some(&report.achieved.initial), &report.achieved.last),
-        report.warnings.iter().map(|warning| labelled("warning", warning)).collect(),
+        refined_line(columns, &report.achieved),
+        report.distortion.map(|distortion| distortion_in_words(columns, distortion, report)).unwrap_or_default(),
+        labelled(columns, "bijective", &bijective),
+        labelled(columns, "stopped", &stop_in_words(report.achieved.stop, report.achieved.iterations)),
+        risen_warning(columns, &report.achieved),
+        format!("\n{}", best_and_limit(columns, report.achieved.best, &report.achieved.limit)),
+        ball_lines(columns, &report.achieved.ball, Some(&report.achieved.initial), &report.achieved.last),
+        format!("\n{}", bounds_in_short(columns, &report.achieved)),
+        report.warnings.iter().map(|warning| labelled(columns, "warning", warning)).collect(),
     ];
     blocks.concat()
 }
@@ -91,7 +103,7 @@ fn map_in_words(map: &MapFigures) -> Option<String> {
     Some(format!("{}{most}{}", map.map, stretch.unwrap_or_default()))
 }
 
-fn refinement_in_words(refinement: RefinementFigures, domain: &DomainFigures) -> String {
+fn refinement_in_words(columns: usize, refinement: RefinementFigures, domain: &DomainFigures) -> String {
     let text = format!(
         "the surface's {} triangles were halved until there were {} and the radial map of the image onto the ball had K <= {}, \
          which took {} tets; mesh.subdivisions, cells or edge_length ask for another surface",
@@ -100,7 +112,7 @@ fn refinement_in_words(refinement: RefinementFigures, domain: &DomainFigures) ->
         upper_bound(refinement.largest_stretch),
         domain.tets
     );
-    labelled("", &text)
+    labelled(columns, "", &text)
 }
 
 /// How the map behaves at the corners.
@@ -116,7 +128,7 @@ fn corners_in_words(corners: &[CornerFigures]) -> String {
     format!("like r^p of the distance r from {count} corner{}, {of}; K is the largest in each tet", s(count))
 }
 
-fn distortion_in_words(distortion: DistortionFigures, report: &Report) -> String {
+fn distortion_in_words(columns: usize, distortion: DistortionFigures, report: &Report) -> String {
     let text = format!(
         "K has the mean {} and the standard deviation {}; the ratio of volumes, each as a part of the whole, {} and {}, its logarithm \
          the deviation {}",
@@ -126,10 +138,10 @@ fn distortion_in_words(distortion: DistortionFigures, report: &Report) -> String
         number(distortion.volume_ratio_deviation),
         number(distortion.log_volume_ratio_deviation)
     );
-    labelled("distortion", &text)
+    labelled(columns, "distortion", &text)
 }
 
-fn splits_in_words(splits: Splits) -> String {
+fn splits_in_words(columns: usize, splits: Splits) -> String {
     let collar = match splits.collar {
         0 => String::new(),
         edges => format!(", and {edges} edge{} next to the boundary for the collar", s(edges)),
@@ -144,11 +156,11 @@ fn splits_in_words(splits: Splits) -> String {
         splits.tets_before,
         s(splits.tets_before)
     );
-    labelled("", &text)
+    labelled(columns, "", &text)
 }
 
 /// What refinement where the largest K sits came to.
-fn refined_line(achieved: &Achieved) -> String {
+fn refined_line(columns: usize, achieved: &Achieved) -> String {
     let Some(RefinedFigures { tets_before, end, rounds }) = &achieved.refined else { return String::new() };
     let why = match end {
         RefineEnd::BoundaryValues => "the boundary values allow hardly less, on any mesh inside",
@@ -169,7 +181,7 @@ fn refined_line(achieved: &Achieved) -> String {
     let count = rounds.len();
     let text =
         format!("{count} round{} where K sits, {added} tet{} added ({share}){reached}; {why}", s(count), s(added));
-    labelled("refined", &text)
+    labelled(columns, "refined", &text)
 }
 
 fn untangling_in_words(untangling: &UntanglingFigures, remedy: &str) -> String {
@@ -203,45 +215,51 @@ fn untangling_in_words(untangling: &UntanglingFigures, remedy: &str) -> String {
     )
 }
 
-/// The same for an optimized map of two given meshes.
-pub fn map_summary(report: &MapReport) -> String {
+/// The same for an optimized map of two given meshes, in so many columns.
+pub fn map_summary(report: &MapReport, columns: usize) -> String {
     let mesh = format!(
         "{} vertices ({} fixed), {} tets ({} locked)",
         report.vertices, report.fixed, report.tets, report.locked
     );
-    let bounds = if report.achieved.bounds.is_empty() {
-        labelled("bounds", "none: not every boundary vertex is fixed")
+    let Achieved { bounds, best, limit, .. } = &report.achieved;
+    let [limit, bounds] = if bounds.is_empty() {
+        [labelled(columns, "bounds", "none: not every boundary vertex is fixed"), String::new()]
     } else {
-        bounds_table(&report.achieved.bounds, report.achieved.best, &report.achieved.limit)
+        [best_and_limit(columns, *best, limit), format!("\n{}", bounds_list(columns, bounds))]
     };
     let blocks = [
-        coarse_warning(&report.achieved.ball, &report.achieved.last),
-        labelled("mesh", &mesh),
-        report.achieved.splits.map(splits_in_words).unwrap_or_default(),
-        format!("\n{}\n", dilatations(&[("start", &report.achieved.initial), ("final", &report.achieved.last)])),
+        coarse_warning(columns, &report.achieved.ball, &report.achieved.last),
+        labelled(columns, "mesh", &mesh),
+        report.achieved.splits.map(|splits| splits_in_words(columns, splits)).unwrap_or_default(),
+        format!(
+            "\n{}\n",
+            dilatations(columns, &[("start", &report.achieved.initial), ("final", &report.achieved.last)])
+        ),
         report
             .achieved
             .untangling
             .as_ref()
-            .map(|u| labelled("untangled", &untangling_in_words(u, REFINE)))
+            .map(|u| labelled(columns, "untangled", &untangling_in_words(u, REFINE)))
             .unwrap_or_default(),
-        refined_line(&report.achieved),
+        refined_line(columns, &report.achieved),
         labelled(
+            columns,
             "active",
             &format!("{} tet{} within 0.1 % of the max K", report.achieved.active, s(report.achieved.active)),
         ),
-        labelled("stopped", &stop_in_words(report.achieved.stop, report.achieved.iterations)),
-        risen_warning(&report.achieved),
+        labelled(columns, "stopped", &stop_in_words(report.achieved.stop, report.achieved.iterations)),
+        risen_warning(columns, &report.achieved),
         time_line(report.achieved.times),
-        format!("\n{bounds}"),
-        ball_lines(&report.achieved.ball, Some(&report.achieved.initial), &report.achieved.last),
+        format!("\n{limit}"),
+        ball_lines(columns, &report.achieved.ball, Some(&report.achieved.initial), &report.achieved.last),
+        bounds,
     ];
     blocks.concat()
 }
 
 /// How long a run took, as a line to follow its [`summary`].
 pub fn time_line(times: Times) -> String {
-    labelled("time", &format!("{:.1} s on {} thread{}", times.seconds, times.threads, s(times.threads)))
+    labelled(COLUMNS, "time", &format!("{:.1} s on {} thread{}", times.seconds, times.threads, s(times.threads)))
 }
 
 /// The config with its overrides, as they were typed.
@@ -251,14 +269,13 @@ fn command_in_words(report: &Report) -> String {
 }
 
 /// A label and its text, wrapped between words.
-fn labelled(label: &str, text: &str) -> String {
-    const INDENT: usize = 12;
+pub(super) fn labelled(columns: usize, label: &str, text: &str) -> String {
     let mut lines = format!("{label:<INDENT$}");
     let mut column = INDENT;
     // Names of files and overrides are among the words.
     for (index, word) in on_one_line(text).split(' ').enumerate() {
         let width = word.chars().count();
-        if index > 0 && column + 1 + width > COLUMNS {
+        if index > 0 && column + 1 + width > columns {
             lines.push_str(&format!("\n{:INDENT$}", ""));
             column = INDENT;
         } else if index > 0 {
@@ -271,33 +288,27 @@ fn labelled(label: &str, text: &str) -> String {
     lines + "\n"
 }
 
-/// A table of dilatations, one row a map.
-pub(crate) fn dilatations(maps: &[(&str, &Summary)]) -> String {
-    let mut text = format!(
-        "{:<8}{:>10}{:>10}{:>10}{:>10}{:>10}{:>10}{:>9}\n",
-        "", "max K", "mean K", "median K", "99 % K", "max K_I", "max K_O", "flipped"
-    );
-    for (name, map) in maps {
-        let numbers = [map.max_k, map.mean_k, map.p50_k, map.p99_k, map.max_k_inner, map.max_k_outer];
-        let numbers: String = numbers.into_iter().map(|x| format!("{:>10}", number(x))).collect();
-        text.push_str(&format!("{name:<8}{numbers}{:>9}\n", map.flipped));
-    }
-    text
-}
-
-/// What goes before all else where the image is far from a ball.
-fn coarse_warning(ball: &BallFigures, last: &Summary) -> String {
-    let is_coarse = |(fraction, k): &(f64, BallDilatation)| *fraction < FULL || k.certified > COARSE * last.max_k;
-    let Some((fraction, k)) = ball.ball_fraction.zip(last.ball_k).filter(is_coarse) else {
-        return String::new();
+/// A table of dilatations, one row a map; one column a map where there is no room for that.
+pub(crate) fn dilatations(columns: usize, maps: &[(&str, &Summary)]) -> String {
+    let heads = ["max K", "mean K", "median K", "99 % K", "max K_I", "max K_O", "flipped"];
+    let rows = maps.iter().map(|(name, map)| {
+        let numbers = [map.max_k, map.mean_k, map.p50_k, map.p99_k, map.max_k_inner, map.max_k_outer].map(number);
+        (*name, numbers.into_iter().chain([map.flipped.to_string()]).collect::<Vec<String>>())
+    });
+    let rows: Vec<(&str, Vec<String>)> = rows.collect();
+    let line = |name: &str, cells: &[&str]| {
+        let (last, others) = cells.split_last().expect("there is a map");
+        let last_width = if columns < TABLE { 10 } else { 9 };
+        let cells: String = others.iter().map(|cell| format!("{cell:>10}")).collect();
+        format!("{name:<8}{cells}{last:>last_width$}\n")
     };
-    let text = format!(
-        "the image is a polyhedron that fills {} of the ball: K speaks of the map onto this polyhedron, K onto the ball is at \
-         most {}; a finer surface, as by mesh.edge_length, comes nearer",
-        percent(fraction),
-        upper_bound(k.certified)
-    );
-    labelled("warning", &text)
+    if columns >= TABLE {
+        let rows = rows.iter().map(|(name, cells)| line(name, &cells.iter().map(String::as_str).collect::<Vec<_>>()));
+        return line("", &heads) + &rows.collect::<String>();
+    }
+    let row = |(at, head): (usize, &&str)| line(head, &rows.iter().map(|(_, cells)| &*cells[at]).collect::<Vec<_>>());
+    line("", &maps.iter().map(|(name, _)| *name).collect::<Vec<_>>())
+        + &heads.iter().enumerate().map(row).collect::<String>()
 }
 
 /// A share, rounded down.
@@ -305,81 +316,8 @@ pub(super) fn percent(share: f64) -> String {
     format!("{:.2} %", (share * 1e4).floor() / 100.0)
 }
 
-/// K onto the ball, and what is known of the least K of all maps of the solid onto the ball.
-pub(crate) fn ball_lines(ball: &BallFigures, start: Option<&Summary>, last: &Summary) -> String {
-    let Some((fraction, k)) = ball.ball_fraction.zip(last.ball_k) else {
-        let reason = ball.ball_reason.as_deref().unwrap_or("it was not computed");
-        return labelled("onto ball", &format!("no K onto the ball: {reason}"));
-    };
-    let start = start.and_then(|start| start.ball_k);
-    let start = start.map(|k| format!(" (start {})", upper_bound(k.certified))).unwrap_or_default();
-    let text = format!(
-        "K onto the ball <= {}{start}, of the map followed by the radial map of its image, which fills {} of the ball",
-        upper_bound(k.certified),
-        percent(fraction)
-    );
-    let bracket = ball.ball_bound.zip(ball.ball_gap).map(|(bound, gap)| {
-        let text = format!(
-            "{} <= K <= {} for the best quasi-conformal map of the solid onto the ball, a factor of {}",
-            lower_bound(bound),
-            upper_bound(k.certified),
-            upper_bound(gap)
-        );
-        labelled("bracket", &text)
-    });
-    labelled("onto ball", &text) + &bracket.unwrap_or_default()
-}
-
-/// The same of a run, with those that do not apply counted only, if any does.
-fn bounds_in_short(achieved: &Achieved) -> String {
-    let Achieved { bounds, best, limit, .. } = achieved;
-    let (applying, others): (Vec<LowerBound>, Vec<LowerBound>) =
-        bounds.iter().cloned().partition(|bound| bound.applies);
-    if applying.is_empty() || others.is_empty() {
-        return bounds_table(bounds, *best, limit);
-    }
-    let count = others.len();
-    let does = if count == 1 { "does" } else { "do" };
-    let others = format!("{count} more {does} not apply to this map; report.json tells why");
-    bounds_list(&applying) + &labelled("", &others) + &best_and_limit(*best, limit)
-}
-
-/// The bounds, those that apply and the largest first, what the best of them says, and what limits K.
-pub(crate) fn bounds_table(bounds: &[LowerBound], best: BestBound, limit: &Limit) -> String {
-    bounds_list(bounds) + &best_and_limit(best, limit)
-}
-
-fn best_and_limit(best: BestBound, limit: &Limit) -> String {
-    labelled("best bound", &best_in_words(best)) + &labelled("limit", &limit.sentence)
-}
-
-fn bounds_list(bounds: &[LowerBound]) -> String {
-    let mut bounds: Vec<&LowerBound> = bounds.iter().collect();
-    bounds.sort_by(|a, b| b.applies.cmp(&a.applies).then(b.value.total_cmp(&a.value)));
-    let mut text = format!("{:<18}{:>16}  {:<20}applies\n", "lower bound", "value", "for which maps");
-    for bound in bounds {
-        let kind = match bound.kind {
-            Kind::Inner => "K_I >=",
-            Kind::Outer => "K_O >=",
-            Kind::K => "K >=",
-        };
-        let applies = if bound.applies { "yes" } else { "no" };
-        let quoted = if bound.certified { "" } else { ", not proved" };
-        text.push_str(&format!(
-            "{:<18}{kind:>6}{:>10}  {:<20}{applies}{quoted}\n",
-            bound.name,
-            lower_bound(bound.value),
-            scope_in_short(bound.scope)
-        ));
-        if !bound.applies {
-            text.push_str(&labelled("", &bound.reason));
-        }
-    }
-    text
-}
-
 /// What is said where the largest K is not what was lowered.
-fn risen_warning(achieved: &Achieved) -> String {
+fn risen_warning(columns: usize, achieved: &Achieved) -> String {
     let (start, last) = (achieved.initial.max_k, achieved.last.max_k);
     if last <= RISEN * start {
         return String::new();
@@ -390,25 +328,7 @@ fn risen_warning(achieved: &Achieved) -> String {
         number(start),
         number(last)
     );
-    labelled("warning", &text)
-}
-
-fn best_in_words(best: BestBound) -> String {
-    match (best.best_bound, best.gap) {
-        (Some(bound), Some(gap)) => {
-            format!("K >= {}; the map is within a factor of {} of it", lower_bound(bound), upper_bound(gap))
-        }
-        (Some(bound), None) => format!("K >= {}; the map has no finite K to compare", lower_bound(bound)),
-        (None, _) => "none applies to this map, so no gap is known".into(),
-    }
-}
-
-fn scope_in_short(scope: Scope) -> &'static str {
-    match scope {
-        Scope::Shape => "all of the solid",
-        Scope::ShapeFixedTrace => "with radial trace",
-        Scope::MeshFixedBoundary => "PL on this mesh",
-    }
+    labelled(columns, "warning", &text)
 }
 
 fn s(count: usize) -> &'static str {

@@ -231,8 +231,22 @@ fn the_summary_is_narrow_and_says_it_all_but_the_time() {
         assert!(text.contains(words), "{words} in\n{text}");
     }
     assert_eq!(time_line(TIMES), "time        0.2 s on 2 threads\n");
-    let widest = text.lines().map(|line| line.chars().count()).max().unwrap();
-    assert!(widest <= 80, "{widest} columns:\n{text}");
+    let widest = |text: &str| text.lines().map(|line| line.chars().count()).max().unwrap();
+    assert!(widest(&text) <= COLUMNS, "{} columns:\n{text}", widest(&text));
+    // What limits K stands before the list of the bounds.
+    assert!(text.find("\nlimit ").unwrap() < text.find("\nlower bound ").unwrap(), "{text}");
+    // In a narrow terminal the same words and numbers, in another order only.
+    let words = |text: &str| {
+        let mut words: Vec<String> = text.split(|c: char| c.is_whitespace() || c == ',').map(String::from).collect();
+        words.retain(|word| !word.is_empty());
+        words.sort();
+        words
+    };
+    for columns in 40..COLUMNS {
+        let narrow = summary_within(&report, columns);
+        assert!(widest(&narrow) <= columns, "{} of {columns} columns:\n{narrow}", widest(&narrow));
+        assert_eq!(words(&narrow), words(&text), "{narrow}");
+    }
 }
 
 #[test]

@@ -80,7 +80,7 @@ mod tests {
             (Solid::Tetrahedron, (root(2.0) + root(3.0)).powi(3), 1e-13),
             (Solid::Cube, cube, 1e-13),
             (Solid::Octahedron, cube, 1e-13),
-            // Published with three decimals (bounds.md, table C).
+            // In closed form, to three decimals.
             (Solid::Dodecahedron, 3.064, 2e-4),
             (Solid::Icosahedron, 3.064, 2e-4),
             (Solid::Prism { sides: 3, height: 1.0 }, 22.091, 1e-4),

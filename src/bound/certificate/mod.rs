@@ -1,4 +1,4 @@
-//! The Gram certificate (bounds.md B6): a bound for the mesh with its boundary fixed that anybody can check.
+//! The Gram certificate: a bound for the mesh with its boundary fixed that anybody can check.
 //!
 //! **What holds.** Let A be the Jacobian of a piecewise-linear map on a tet, `s1 >= s2 >= s3 > 0` its singular values and
 //! `d = det A > 0`. The entries of the Gram matrix `G = A^T A` and of the cofactors `C = d A^-T` are quadratic in the

@@ -14,7 +14,7 @@ pub(super) fn minute() -> Cancel {
     Cancel::default().within(Duration::from_secs(60))
 }
 
-/// The corner star of bounds.md's table (vertex_star_prototype.py): the cone at the origin over the triangle of directions,
+/// The corner star: the cone at the origin over the triangle of directions,
 /// whose sides have `segments` parts, and the edge opposite each corner exchanged so that no tet is locked. A second cone
 /// from a point further out makes the vertices within the triangle interior ones of the mesh.
 ///
@@ -85,7 +85,7 @@ fn certified((domain, image, tets): (Domain, Vec<Vec3>, Vec<TetId>)) -> f64 {
 
 #[test]
 fn corner_stars_reach_the_values_of_the_prototype() {
-    // The table of bounds.md, B6, where a conic solver found 6.240, 5.162, 4.867, 4.741 and 16.86, 13.80, 12.94, and the best
+    // Where a conic solver found 6.240, 5.162, 4.867, 4.741 and 16.86, 13.80, 12.94, and the best
     // maps known have 6.851, 5.602, 5.216, 4.912 and 22.49, 17.82, 16.51.
     for (segments, least, best_map) in [(3, 6.2, 6.851), (6, 5.1, 5.602), (8, 4.8, 5.216), (12, 4.7, 4.912)] {
         let level = certified(cube_corner(segments));

@@ -128,7 +128,7 @@ fn suprema_are_the_published_ones() {
     // On all of space it has no bound.
     assert_eq!(most("kind = 'cone'\nratio = 0.5").k(), f64::INFINITY);
     assert_eq!(most("kind = 'cone'\nratio = 3").k(), f64::INFINITY);
-    // bounds.md, table C: the radial map of the cube.
+    // The radial map of the cube, in closed form.
     let cube = caraman(&Solid::Cube, Vec3::zeros(), 1.0).max_dilatation().unwrap();
     let sigma: f64 = 0.5 * (2f64.sqrt() + 6f64.sqrt());
     close(cube, sigma.powi(3), sigma.powi(3));

@@ -105,6 +105,24 @@ pub fn write_pages_of(folder: &Path, report: &Report, record: &MapRecord) -> Res
     put(&page, folder)
 }
 
+/// Cases up to which a sweep makes a page for each, 1.2 MB and more.
+const MOST_CASE_PAGES: usize = 100;
+
+/// Writes the page of a sweep, and first those of its cases that are done and have none, unless there are more than a hundred;
+/// returns the page's path.
+///
+/// # Errors
+/// A folder that is none of a sweep, a file that is broken, or one that cannot be written.
+pub fn write_sweep_pages(folder: &Path) -> Result<PathBuf, PageError> {
+    let made = match sweep::done(folder)?.len() {
+        0..=MOST_CASE_PAGES => sweep::without_page(folder)?.iter().try_for_each(|case| write_pages(case).map(drop)),
+        _ => Ok(()),
+    };
+    // A case whose page cannot be made is told, and hides no other.
+    let page = write_pages(folder)?;
+    made.map(|()| page)
+}
+
 /// Writes the pages of all cases of a sweep that are done, and returns how many.
 ///
 /// # Errors

@@ -11,19 +11,13 @@ use crate::mesh::io::{WriteError, write_atomically};
 const STYLE: &str = include_str!("page.css");
 const CHARTS: &str = include_str!("charts.js");
 const SURFACE: &str = include_str!("surface.js");
+const CANVAS: &str = include_str!("canvas.js");
 const VIEWER: &str = include_str!("viewer.js");
 const SWEEP: &str = include_str!("sweep.js");
 const TABLE: &str = include_str!("table.js");
 const START: &str = include_str!("start.js");
-/// plotly.js with its 3D traces and the scatter trace alone, MIT: npm's plotly.js-gl3d-dist-min, unchanged.
-const PLOTLY: &str = include_str!("plotly-gl3d-3.7.0.min.js");
-/// Runs before plotly.js, which reads a large canvas back many times: that is slow, and warned of, unless it is told ahead.
-const READ_BACK: &str = r#"<script>
-const getContext = HTMLCanvasElement.prototype.getContext;
-HTMLCanvasElement.prototype.getContext = function (kind, options) {
-  return getContext.call(this, kind, kind === "2d" ? { willReadFrequently: true, ...options } : options);
-};
-</script>"#;
+/// plotly.js with its scatter, bar and pie traces alone, MIT: npm's plotly.js-basic-dist-min, unchanged.
+const PLOTLY: &str = include_str!("plotly-basic-3.7.0.min.js");
 
 /// A page in the making.
 #[derive(Debug, Default)]
@@ -82,7 +76,7 @@ impl Page {
             "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
                  <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
                  <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; \
-                 script-src 'unsafe-inline' 'unsafe-eval'; img-src data: blob:\">\n<title>{title}</title>\n\
+                 script-src 'unsafe-inline'; img-src data: blob:\">\n<title>{title}</title>\n\
                  <link rel=\"icon\" href=\"data:,\">\n<style>\n{STYLE}</style>\n</head>\n<body>\n\
                  <header><h1>{title}</h1><button type=\"button\" id=\"theme\">Dark or light</button></header>\n<main>",
             title = text(&self.title)
@@ -97,11 +91,12 @@ impl Page {
         for (id, json) in [("viewer-data", &self.viewer), ("sweep-data", &self.sweep)] {
             json.iter().try_for_each(|json| writeln!(file, "{}", data(id, json)))?;
         }
-        writeln!(file, "{READ_BACK}\n<script>{PLOTLY}</script>")?;
-        writeln!(
-            file,
-            "<script type=\"module\">\n{CHARTS}\n{SWEEP}\n{TABLE}\n{SURFACE}\n{VIEWER}\n{START}</script>\n</body>\n</html>"
-        )
+        if !self.charts.is_empty() || self.sweep.is_some() {
+            // As text: the script of the page reads it once its viewer is there.
+            writeln!(file, "<script type=\"text/plain\" id=\"plotly\">{PLOTLY}</script>")?;
+        }
+        let scripts = [CHARTS, SWEEP, TABLE, SURFACE, CANVAS, VIEWER, START].join("\n");
+        writeln!(file, "<script type=\"module\">\n{scripts}</script>\n</body>\n</html>")
     }
 
     /// The charts as `plots/ID.svg` in a folder.

@@ -69,6 +69,11 @@ pub(super) fn page(folder: &Path) -> Result<Page, PageError> {
     Ok(Page { title: format!("qcball sweep: {name}"), sections, pictures: charts, sweep: shown, ..Page::default() })
 }
 
+/// The folders of the cases that are done, but that have no page.
+pub(super) fn without_page(folder: &Path) -> Result<Vec<PathBuf>, PageError> {
+    Ok(done(folder)?.into_iter().filter(|case| !case.join("report.html").is_file()).collect())
+}
+
 /// The folders of the cases that are done.
 pub(super) fn done(folder: &Path) -> Result<Vec<PathBuf>, PageError> {
     let index = Index::read(folder)?;
@@ -96,11 +101,11 @@ fn data(index: &Index, folder: &Path) -> String {
     .to_string()
 }
 
-/// Where a case that is done is looked at: its page, if it has one, or else its folder.
+/// The page of a case that is done, if it has one.
 fn link(case: &Value, folder: &Path) -> Option<String> {
     let id = case["id"].as_str().filter(|_| case["status"] == "done")?;
     let page = format!("cases/{id}/report.html");
-    Some(if folder.join(&page).is_file() { page } else { format!("cases/{id}/") })
+    folder.join(&page).is_file().then_some(page)
 }
 
 /// A result as a cell of a table: a dilatation or a ratio with five decimals, since columns are compared by eye; index.csv
@@ -172,7 +177,7 @@ fn in_short(index: &Index, front: &[(&Value, [f64; 2])]) -> String {
         let why = case["error"].as_str().unwrap_or("without a message");
         html += &format!("<p class=\"warning\">Case {} failed: {}</p>\n", case["case"], text(why));
     }
-    html + "<p>A case has a page of its own once <code>qcball report --cases</code> has made them.</p>\n"
+    html
 }
 
 fn scatter(index: &Index, front: &[(&Value, [f64; 2])]) -> Chart {

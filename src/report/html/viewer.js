@@ -1,33 +1,41 @@
-// Domain and image of one map or of several, side by side: linked cameras, a cutting plane, colours, values under the mouse.
+// Domain and image of one map or of several, side by side: one camera, a cutting plane, colours, values under the mouse.
 const embedded = document.getElementById("viewer-data");
 
 async function startViewer() {
   const packed = JSON.parse(embedded.textContent);
-  const scale = packed.colours.map((colour, at) => [at / (packed.colours.length - 1), colour]);
   const maps = await Promise.all(packed.maps.map(unpackMap));
   const byId = (id) => document.getElementById(id);
   const box = byId("viewer");
-  const hasStart = maps.every((map) => map.frames.length > 2);
+  const canvas = box.querySelector("canvas");
+  const drawing = drawingOn(canvas, () => update());
+  if (!drawing) {
+    box.textContent = "This browser draws no WebGL 2: open domain.vtu and image.vtu in ParaView, or this page in another browser.";
+    return;
+  }
+  const hasStart = maps.every((map) => map.sides.length > 2);
   const whole = maps.every((map) => map.whole);
   const remove = (...ones) => ones.forEach((one) => one.remove());
   if (!hasStart) remove(byId("colour").querySelector("[value=start]"), byId("side").closest("label"));
   // What is there of larger meshes is cut through its middle only, and not every tet around a vertex is there.
   if (!whole) remove(byId("axis").querySelector("[value=own]"), byId("colour").querySelector("[value=vertex]"));
   // One range for all, so that colours compare; K of the start, often far larger, ends with the final one's: the last colour goes on.
-  const most = maps.reduce((most, { values: { k } }) => k.reduce((most, one) => (Number.isFinite(one) && one > most ? one : most), most), 1);
-  const home = { eye: { x: 1.2, y: -1.45, z: 1.2 }, up: { x: 0, y: 0, z: 1 }, center: { x: 0, y: 0, z: 0 } };
+  const finite = (most, one) => (Number.isFinite(one) && one > most ? one : most);
+  const most = maps.reduce((most, { values: { k } }) => k.reduce(finite, most), 1);
+  const home = { yaw: -0.88, pitch: 0.57, zoom: 1, pan: [0, 0] };
   let camera = home;
-  // What is drawn of each map: its surface, and the places of its points in domain and image.
+  // What is drawn of each map: its surface, and the places of its corners in domain and image.
   let shown = [];
 
   const scenes = maps.flatMap((map, index) => ["domain", "image"].map((side, column) => {
-    const number = 2 * index + column + 1;
-    const title = [map.name, side].filter(Boolean).join(": ");
-    return { id: number === 1 ? "scene" : `scene${number}`, index, column, title };
+    const title = document.createElement("div");
+    title.className = "title";
+    box.append(title);
+    return { index, column, title, words: [map.name, side].filter(Boolean).join(": ") };
   }));
   if (maps.length > 1) box.classList.add("many");
 
   const imageSide = () => (hasStart ? Number(byId("side").value) : 1);
+  const sideOf = (column) => (column === 0 ? 0 : imageSide());
 
   function surfaceOf(map) {
     const direction = planeDirection();
@@ -54,247 +62,255 @@ async function startViewer() {
     return good ? parts : [0, 0, 1];
   }
 
-  function open(map) {
+  // Columns as x, y, z one after the other.
+  function woven([x, y, z]) {
+    const out = new Float32Array(3 * x.length);
+    for (let at = 0; at < x.length; at++) {
+      out[3 * at] = x[at];
+      out[3 * at + 1] = y[at];
+      out[3 * at + 2] = z[at];
+    }
+    return out;
+  }
+
+  function open(map, index) {
     const { surface, words } = surfaceOf(map);
-    const sides = [0, imageSide()].map((side) => map.sides[side].map((column) => along(surface, column)));
-    return { map, surface, sides, words };
+    const corners = [0, 1].map((column) => woven(map.sides[sideOf(column)].map((values) => along(surface, values))));
+    corners.forEach((place, column) => {
+      drawing.upload(`${index} ${column}`, { place, image: corners[1] });
+      drawing.upload(`marks ${index} ${column}`, { place: octahedra(map, sideOf(column)) });
+    });
+    return { map, surface, corners, words };
   }
 
-  function centre({ surface, sides }, side, triangle) {
-    const corners = [0, 1, 2].map((corner) => surface.triangles[3 * triangle + corner]);
-    return sides[side].map((column) => (column[corners[0]] + column[corners[1]] + column[corners[2]]) / 3);
+  // An octahedron around each place of the bottleneck.
+  function octahedra({ marks, balls }, side) {
+    const size = 0.03 * balls[side].radius;
+    const out = [];
+    for (const mark of marks) {
+      const tip = (axis, sign) => mark[side].map((part, other) => part + (other === axis ? sign * size : 0));
+      for (const x of [-1, 1]) for (const y of [-1, 1]) for (const z of [-1, 1]) out.push(tip(0, x), tip(1, y), tip(2, z));
+    }
+    return new Float32Array(out.flat());
   }
 
-  // The radius, the angle around the z axis and the angle from it, each from 0 to 1.
-  function placeColour([x, y, z]) {
-    const radius = Math.hypot(x, y, z);
-    const phi = (Math.atan2(y, x) / (2 * Math.PI) + 1) % 1;
-    const theta = radius > 0 ? Math.acos(Math.max(-1, Math.min(1, z / radius))) / Math.PI : 0.5;
-    return `rgb(${[Math.min(radius, 1), phi, theta].map((part) => Math.round(255 * part)).join(",")})`;
+  const colourOf = { active: "#d55e00", rest: "#8fa3b5", mark: "#19d3da", flipped: "#400066" };
+  const parts = (colour) => [1, 3, 5].map((at) => parseInt(colour.slice(at, at + 2), 16) / 255);
+  const choice = () => byId("colour").value;
+  const top = () => Math.log(Math.max(Number(byId("top").value) || most, 1.001));
+
+  // A value from 0 to 1 for each corner; 2 where the tet is flipped.
+  function colourSurfaces() {
+    const last = top();
+    const share = (k) => (Number.isFinite(k) ? Math.min(Math.log(k), last) / last : 2);
+    shown.forEach(({ map, surface }, index) => {
+      let value = [];
+      if (choice() === "vertex") value = along(surface, Array.from(byVertex(map), share));
+      else if (choice() === "active") value = surface.cells.flatMap((cell) => Array(3).fill(map.active[cell]));
+      else if (choice() !== "place") value = surface.cells.flatMap((cell) => Array(3).fill(share(map.values[choice()][cell])));
+      else value = Array(3 * surface.cells.length).fill(0);
+      for (const column of [0, 1]) drawing.upload(`${index} ${column}`, { value: new Float32Array(value) });
+    });
+    const ramp = choice() === "active" ? Array(17).fill(colourOf.rest).fill(colourOf.active, 9) : packed.colours;
+    return { ramp: ramp.flatMap(parts), flipped: parts(colourOf.flipped), kind: choice() === "place" ? 1 : 0 };
+  }
+  let colouring = {};
+
+  function element(kind, className, words = "", style = {}) {
+    const made = Object.assign(document.createElement(kind), { className, textContent: words });
+    Object.assign(made.style, style);
+    return made;
   }
 
-  const colourOf = { active: "#d55e00", rest: "#8fa3b5", mark: "#19d3da" };
-  const ticks = (most) => {
+  // Values beside a bar from K = 1 to the last colour's.
+  function ticks(most) {
     const steps = most < 2 ? 0.1 : most < 4 ? 0.5 : most < 12 ? 1 : 0;
     const values = [];
     if (steps) for (let value = 1; value <= most + 1e-9; value += steps) values.push(Number(value.toFixed(2)));
-    else for (let power = 1; power <= most; power *= 10) values.push(...[1, 2, 5].map((x) => x * power).filter((x) => x <= most));
+    else for (let power = 1; power <= most; power *= 10) values.push(...(most < 2000 ? [1, 2, 5] : [1]).map((x) => x * power).filter((x) => x <= most));
     return values;
-  };
+  }
 
-  function colouring(view, scene) {
-    const { map, surface } = view;
-    const choice = byId("colour").value;
-    // A mesh keeps the colours of its scale when it gets colours of its own, and plotly.js multiplies the two; and it keeps values
-    // of triangles when it gets those of points: other traces for those. A blank in the name would leave the bar black.
-    const uid = `${scene.id}-${{ place: "own", vertex: "points" }[choice] ?? "cells"}`;
-    if (choice === "place") {
-      return { uid, facecolor: surface.cells.map((_, triangle) => placeColour(centre(view, 1, triangle))), lighting: { ambient: 1, diffuse: 0, specular: 0, fresnel: 0, facenormalsepsilon: 0 } };
-    }
-    // The bar belongs to all.
-    const showscale = scene.id === "scene2";
-    const bar = { thickness: 14, len: 0.8, tickfont: { color: colours().text } };
-    if (choice === "active") {
-      return {
-        uid, showscale, intensity: surface.cells.map((cell) => map.active[cell]), intensitymode: "cell", cmin: 0, cmax: 1,
-        colorscale: [[0, colourOf.rest], [0.5, colourOf.rest], [0.5, colourOf.active], [1, colourOf.active]],
-        colorbar: { ...bar, tickvals: [0.25, 0.75], ticktext: ["other tets", "active tets"] },
-      };
-    }
-    const values = map.values[choice];
-    const top = Math.log(Math.max(Number(byId("top").value) || most, 1.001));
-    const logarithms = choice === "vertex" ? along(surface, values.map((value) => Math.min(Math.log(value), top))) : surface.cells.map((cell) => Math.min(Math.log(values[cell]), top));
-    const marked = ticks(Math.exp(top));
-    return {
-      uid, showscale, intensity: logarithms, intensitymode: choice === "vertex" ? "vertex" : "cell", cmin: 0, cmax: top, colorscale: scale,
-      colorbar: { ...bar, title: { text: byId("colour").selectedOptions[0].textContent }, tickvals: marked.map(Math.log), ticktext: marked.map(String) },
+  function legend() {
+    const swatch = (colour, words) => {
+      const whole = element("div", "swatch", words);
+      whole.prepend(element("i", "", "", { background: colour }));
+      return whole;
     };
-  }
-
-  function words(view, triangle) {
-    const { map, surface } = view;
-    const { k, inner, outer, start } = map.values;
-    const cell = surface.cells[triangle];
-    const numbers = (values) => values.map((value) => value.toFixed(3)).join(", ");
-    return [
-      `${map.name ? `${map.name}, ` : ""}tet ${map.numbers[cell]}${map.active[cell] ? ", active" : ""}`,
-      `K ${k[cell].toFixed(4)}, K_I ${inner[cell].toFixed(4)}, K_O ${outer[cell].toFixed(4)}${hasStart ? `, at the start ${start[cell].toFixed(4)}` : ""}`,
-      `domain (${numbers(centre(view, 0, triangle))}), image (${numbers(centre(view, 1, triangle))})`,
-    ];
-  }
-
-  // An octahedron around each place of the bottleneck. Not markers of a scatter3d: their shaders take 0.2 s to compile.
-  function bottleneck({ map }, scene) {
-    const side = scene.column && imageSide();
-    const size = 0.025 * Math.max(...map.frames[side].extent);
-    const [x, y, z, i, j, k] = [[], [], [], [], [], []];
-    for (const mark of map.marks) {
-      const first = x.length;
-      for (const axis of [0, 1, 2]) {
-        for (const step of [size, -size]) [x, y, z].forEach((column, other) => column.push(mark[side][other] + (other === axis ? step : 0)));
-      }
-      for (const a of [0, 1]) for (const b of [2, 3]) for (const c of [4, 5]) [i, j, k].forEach((list, which) => list.push(first + [a, b, c][which]));
+    const gradient = (...colours) => `linear-gradient(to top, ${colours.join(", ")})`;
+    const bar = (background, marks) => {
+      const whole = element("div", "bar", "", { background });
+      whole.append(...marks.map(([at, words]) => element("span", "", words, { bottom: `${100 * at}%` })));
+      return whole;
+    };
+    const name = element("b", "", byId("colour").selectedOptions[0].textContent);
+    const out = [];
+    if (choice() === "active") out.push(swatch(colourOf.active, "active tets"), swatch(colourOf.rest, "other tets"));
+    else if (choice() === "place") {
+      const channels = [["radius", "#f00", [[0, "0"], [1, "1"]]], ["phi around z", "#0f0", [[0, "0°"], [1, "360°"]]], ["theta from z", "#00f", [[0, "0°"], [1, "180°"]]]];
+      for (const [words, colour, marks] of channels) out.push(element("b", "", words), bar(gradient("#000", colour), marks));
+    } else {
+      const last = top();
+      out.push(name, bar(gradient(...packed.colours), ticks(Math.exp(last)).map((k) => [Math.log(k) / last, Number(k.toPrecision(6)).toLocaleString("en", { useGrouping: false })])));
+      if (maps.some(({ values }) => values.k.some((k) => !Number.isFinite(k)))) out.push(swatch(colourOf.flipped, "flipped"));
     }
-    return { type: "mesh3d", scene: scene.id, hoverinfo: "skip", flatshading: true, color: colourOf.mark, x, y, z, i, j, k, visible: x.length > 0 };
+    byId("legend").className = choice();
+    byId("legend").replaceChildren(...out);
   }
 
-  // The normals of the triangles of a surface, of the length that lifts a line off them so that it is seen.
-  function lifts({ surface: { triangles } }, [x, y, z], extent) {
-    const lift = 0.003 * Math.max(...extent);
-    const normals = [];
-    for (let at = 0; at < triangles.length; at += 3) {
-      const [a, b, c] = triangles.slice(at, at + 3);
-      const [u, v] = [b, c].map((corner) => [x[corner] - x[a], y[corner] - y[a], z[corner] - z[a]]);
-      const normal = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
-      const length = Math.hypot(...normal) || 1;
-      normals.push(normal.map((part) => (lift * part) / length));
-    }
-    return normals;
-  }
-
-  function lines(view, scene) {
-    const { surface, segments } = view;
-    const columns = view.sides[scene.column];
-    const out = [[], [], []];
-    const edges = byId("edges").checked;
-    if (edges || segments.length > 0) {
-      const normals = lifts(view, columns, view.map.frames[scene.column && imageSide()].extent);
-      const put = (triangle, place) => out.forEach((column, axis) => column.push(place === null ? null : place(columns[axis]) + normals[triangle][axis]));
-      if (edges) {
-        for (let triangle = 0; triangle < normals.length; triangle++) {
-          for (const corner of [0, 1, 2, 0]) put(triangle, (column) => column[surface.triangles[3 * triangle + corner]]);
-          put(triangle, null);
-        }
-      }
-      for (const { triangle, ends } of segments) {
-        for (const [a, b, part] of ends) put(triangle, (column) => column[a] + part * (column[b] - column[a]));
-        put(triangle, null);
-      }
-    }
-    const [x, y, z] = out;
-    return { type: "scatter3d", scene: scene.id, mode: "lines", x, y, z, hoverinfo: "skip", showlegend: false, line: { width: segments.length > 0 ? 2 : 1, color: "rgba(0,0,0,0.75)" } };
-  }
-
-  function traces() {
-    const texts = shown.map((view) => view.surface.cells.map((_, triangle) => words(view, triangle).join("<br>")));
-    return scenes.flatMap((scene) => {
-      const view = shown[scene.index];
-      const { triangles } = view.surface;
-      const corner = (which) => view.surface.cells.map((_, triangle) => triangles[3 * triangle + which]);
-      const [x, y, z] = view.sides[scene.column];
-      const mesh = {
-        type: "mesh3d", scene: scene.id, x, y, z, i: corner(0), j: corner(1), k: corner(2), text: texts[scene.index], hovertemplate: "%{text}<extra></extra>",
-        flatshading: true, lighting: { ambient: 0.75, diffuse: 0.35, specular: 0.02, roughness: 0.9, facenormalsepsilon: 0 }, ...colouring(view, scene),
-      };
-      return [mesh, bottleneck(view, scene), lines(view, scene)];
-    });
-  }
-
-  // Domain and image side by side, a row a map; on a narrow window all below each other.
+  // Domain and image side by side, a row a map; on a narrow window all below each other. The legend has the right margin.
   function room({ index, column }) {
-    const [rows, row] = narrow.matches ? [scenes.length, 2 * index + column] : [maps.length, index];
-    const [left, right] = narrow.matches ? [0, 0.85] : [0.48 * column, 0.48 * (column + 1)];
-    return { x: [left, right], y: [1 - (row + 1) / rows, 1 - row / rows] };
+    const [width, height] = [box.clientWidth - byId("legend").offsetWidth, box.clientHeight];
+    const [rows, row, columns] = narrow.matches ? [scenes.length, 2 * index + column, 1] : [maps.length, index, 2];
+    return { left: columns === 1 ? 0 : (column * width) / 2, top: (row * height) / rows, width: width / columns, height: height / rows };
   }
 
-  function layout() {
-    const hidden = { visible: false, showspikes: false };
-    const scene = { xaxis: hidden, yaxis: hidden, zaxis: hidden, aspectmode: "data", camera, dragmode: "orbit" };
-    const title = ({ title: text, column, ...place }) => {
-      const { x, y } = room({ column, ...place });
-      const shownText = column && imageSide() === 2 ? text.replace(/image$/, "image of the start") : text;
-      return { text: shownText, x: (x[0] + x[1]) / 2, y: y[1], xref: "paper", yref: "paper", yanchor: "top", showarrow: false, font: { size: 14, color: colours().dim } };
-    };
-    return {
-      ...Object.fromEntries(scenes.map((one) => [one.id, { ...scene, domain: room(one) }])), annotations: scenes.map(title),
-      margin: { l: 0, r: 0, t: 0, b: 0 }, paper_bgcolor: "rgba(0,0,0,0)", font: { color: colours().text }, modebar: colours().tools,
-      hoverlabel: { align: "left" }, showlegend: false,
-    };
+  function draw() {
+    const views = scenes.map((scene) => {
+      const rectangle = room(scene);
+      const { map } = shown[scene.index];
+      const { middle, radius } = map.balls[sideOf(scene.column)];
+      const words = scene.column && imageSide() === 2 ? scene.words.replace(/image$/, "image of the start") : scene.words;
+      if (scene.title.textContent !== words) scene.title.textContent = words;
+      Object.assign(scene.title.style, { left: `${rectangle.left}px`, top: `${rectangle.top}px`, width: `${rectangle.width}px` });
+      const name = `${scene.index} ${scene.column}`;
+      return { rectangle, middle, radius, surface: name, marks: `marks ${name}`, mark: parts(colourOf.mark) };
+    });
+    drawing.draw(views, camera, { ...colouring, edges: byId("edges").checked, lines: byId("lines").checked });
+  }
+  // Once a frame at most, while something moves.
+  let asked = false;
+  function drawSoon() {
+    if (!asked) requestAnimationFrame(() => { asked = false; draw(); });
+    asked = true;
   }
 
-  // Plotly's own default draws four times the pixels of the screen.
-  const sharp = { ...settings, plotGlPixelRatio: Math.max(1, devicePixelRatio) };
-  const draw = () => {
-    byId("top").disabled = ["active", "place"].includes(byId("colour").value);
-    byId("places").hidden = byId("colour").value !== "place";
-    return Plotly.react(box, traces(), layout(), sharp);
-  };
+  function recolour() {
+    byId("top").disabled = ["active", "place"].includes(choice());
+    colouring = colourSurfaces();
+    legend();
+    draw();
+  }
 
-  async function update() {
+  function update() {
     const axis = byId("axis").value;
     byId("level").disabled = !whole || axis === "";
     byId("flip").disabled = axis === "";
     byId("directions").hidden = axis !== "own";
     shown = maps.map(open);
-    for (const view of shown) view.segments = byId("lines").checked ? linesOfBall(view.surface, view.sides[1]) : [];
     byId("at").textContent = [...new Set(shown.map((view) => view.words))].join("; ");
-    await draw();
+    recolour();
     box.dataset.triangles = shown.reduce((sum, view) => sum + view.surface.cells.length, 0);
   }
 
-  function look(to, from) {
-    camera = to;
-    for (const { id } of scenes) if (id !== from) Plotly.relayout(box, { [`${id}.camera`]: to });
-  }
-
-  function turn(sideways, upward) {
-    const { x, y, z } = camera.eye;
-    const radius = Math.hypot(x, y, z);
-    const around = Math.atan2(y, x) + (sideways * Math.PI) / 180;
-    const above = Math.max(-1.5, Math.min(1.5, Math.asin(z / radius) + (upward * Math.PI) / 180));
-    const flat = radius * Math.cos(above);
-    look({ ...camera, up: home.up, eye: { x: flat * Math.cos(around), y: flat * Math.sin(around), z: radius * Math.sin(above) } });
-  }
-
-  function zoom(factor) {
-    const { x, y, z } = camera.eye;
-    look({ ...camera, eye: { x: factor * x, y: factor * y, z: factor * z } });
-  }
-
-  await update();
-  drawn.push(draw);
-  narrow.addEventListener("change", draw);
-  for (const id of ["side", "axis", "direction", "level", "flip", "edges", "lines"]) byId(id).addEventListener("input", update);
-  for (const id of ["colour", "top"]) byId(id).addEventListener("input", draw);
-  for (const name of ["plotly_relayouting", "plotly_relayout"]) {
-    box.on(name, (change) => {
-      for (const { id } of scenes) {
-        const to = change[`${id}.camera`];
-        if (to && JSON.stringify(to) !== JSON.stringify(camera)) look(to, id);
-      }
-    });
-  }
-  // plotly.js tells of a turn of the wheel before the camera has moved: it is followed until it rests.
-  let frames = 0;
-  function follow() {
-    for (const { id } of scenes) {
-      const to = box._fullLayout[id]._scene.getCamera();
-      const moved = ["x", "y", "z"].some((axis) => Math.abs(to.eye[axis] - camera.eye[axis]) > 1e-6);
-      if (moved) {
-        frames = 12;
-        // All: the others' new cameras would take this one back to where the layout has it.
-        look(to);
-        break;
-      }
+  // What is seen at a point of the window: a triangle of a scene and the place there in domain and image.
+  function pick({ clientX, clientY }) {
+    const frame = canvas.getBoundingClientRect();
+    const [x, y] = [clientX - frame.left, clientY - frame.top];
+    for (const scene of scenes) {
+      const rectangle = room(scene);
+      const at = [(2 * (x - rectangle.left)) / rectangle.width - 1, 1 - (2 * (y - rectangle.top)) / rectangle.height];
+      if (at.some((part) => Math.abs(part) > 1)) continue;
+      const { map, corners } = shown[scene.index];
+      const { middle, radius } = map.balls[sideOf(scene.column)];
+      const { from, along: way } = rayOf(camera, rectangle, at);
+      const met = firstMet(corners[scene.column], { from: from.map((part, axis) => radius * part + middle[axis]), along: way.map((part) => radius * part) });
+      if (!met) return null;
+      const place = (column) => [0, 1, 2].map((axis) => met.weights.reduce((sum, weight, corner) => sum + weight * corners[column][9 * met.triangle + 3 * corner + axis], 0));
+      return { ...scene, triangle: met.triangle, domain: place(0), image: place(1) };
     }
-    if (--frames > 0) setTimeout(follow, 16);
+    return null;
   }
-  box.addEventListener("wheel", () => {
-    const resting = frames <= 0;
-    frames = 12;
-    if (resting) setTimeout(follow, 16);
-  }, { passive: true, capture: true });
-  box.on("plotly_hover", ({ points: [point] }) => {
-    const scene = scenes[Math.floor(point.curveNumber / 3)];
-    if (point.curveNumber % 3 === 0) byId("hover").textContent = words(shown[scene.index], point.pointNumber).join("; ");
+
+  function words({ index, triangle, domain, image }) {
+    const { map, surface } = shown[index];
+    const { k, inner, outer, start } = map.values;
+    const cell = surface.cells[triangle];
+    const numbers = (values) => values.map((value) => value.toFixed(3)).join(", ");
+    return [
+      `${map.name ? `${map.name}, ` : ""}tet ${map.numbers[cell] ?? cell}${map.active[cell] ? ", active" : ""}`,
+      `K ${k[cell].toFixed(4)}, K_I ${inner[cell].toFixed(4)}, K_O ${outer[cell].toFixed(4)}${hasStart ? `, at the start ${start[cell].toFixed(4)}` : ""}`,
+      `domain (${numbers(domain)}), image (${numbers(image)})`,
+    ];
+  }
+
+  function say(event) {
+    const found = pick(event);
+    const tip = byId("tip");
+    tip.hidden = !found;
+    box.style.cursor = found ? "crosshair" : "grab";
+    if (!found) return;
+    const lines = words(found);
+    byId("hover").textContent = lines.join("; ");
+    tip.innerText = lines.join("\n");
+    const frame = box.getBoundingClientRect();
+    const [x, y] = [event.clientX - frame.left, event.clientY - frame.top];
+    tip.style.left = `${Math.max(0, Math.min(x + 14, frame.width - tip.offsetWidth - 4))}px`;
+    tip.style.top = `${y + 18 + tip.offsetHeight > frame.height ? y - tip.offsetHeight - 8 : y + 18}px`;
+  }
+
+  const clamp = (value, least, most) => Math.min(most, Math.max(least, value));
+  const radians = (degrees) => (degrees * Math.PI) / 180;
+  function turn(sideways, upward) {
+    camera = { ...camera, yaw: camera.yaw + radians(sideways), pitch: clamp(camera.pitch + radians(upward), -Math.PI / 2, Math.PI / 2) };
+    drawSoon();
+  }
+  function zoom(factor) {
+    camera = { ...camera, zoom: clamp(factor * camera.zoom, 0.02, 20) };
+    drawSoon();
+  }
+  // By pixels of the page.
+  function move(x, y) {
+    const { width, height } = room(scenes[0]);
+    const pixel = (2 * distance * camera.zoom) / (height * lensOf({ width, height })[1]);
+    camera = { ...camera, pan: [camera.pan[0] + pixel * x, camera.pan[1] - pixel * y] };
+    drawSoon();
+  }
+
+  // Fingers and buttons that are down, by their numbers: where they were.
+  const down = new Map();
+  const held = (event) => [event.clientX, event.clientY];
+  canvas.addEventListener("pointerdown", (event) => {
+    down.set(event.pointerId, held(event));
+    byId("tip").hidden = true;
   });
+  canvas.addEventListener("pointermove", (event) => { if (!down.has(event.pointerId)) say(event); });
+  canvas.addEventListener("pointerleave", () => { byId("tip").hidden = true; });
+  canvas.addEventListener("contextmenu", (event) => event.preventDefault());
+  // A drag goes on outside.
+  for (const kind of ["pointerup", "pointercancel"]) window.addEventListener(kind, (event) => down.delete(event.pointerId));
+  window.addEventListener("pointermove", (event) => {
+    if (!down.has(event.pointerId)) return;
+    const [before, now] = [down.get(event.pointerId), held(event)];
+    const by = now.map((part, axis) => part - before[axis]);
+    const other = [...down].find(([number]) => number !== event.pointerId)?.[1];
+    down.set(event.pointerId, now);
+    if (other) {
+      const apart = (point) => Math.hypot(point[0] - other[0], point[1] - other[1]) || 1;
+      zoom(apart(before) / apart(now));
+      move(by[0] / 2, by[1] / 2);
+    } else if (event.shiftKey || event.buttons & 2) move(...by);
+    else turn(-0.4 * by[0], 0.4 * by[1]);
+  });
+  box.addEventListener("wheel", (event) => {
+    event.preventDefault();
+    zoom(Math.exp(0.001 * clamp(event.deltaY * (event.deltaMode === 1 ? 33 : 1), -500, 500)));
+  }, { passive: false });
+
+  const picture = () => { draw(); return canvas.toDataURL("image/png"); };
+  update();
+  new ResizeObserver(draw).observe(box);
+  for (const id of ["side", "axis", "direction", "level", "flip"]) byId(id).addEventListener("input", update);
+  for (const id of ["colour", "top"]) byId(id).addEventListener("input", recolour);
+  for (const id of ["edges", "lines"]) byId(id).addEventListener("input", draw);
   for (const button of document.querySelectorAll("[data-turn]")) {
     button.addEventListener("click", () => turn(...button.dataset.turn.split(" ").map(Number)));
   }
   for (const button of document.querySelectorAll("[data-zoom]")) {
     button.addEventListener("click", () => zoom(Number(button.dataset.zoom)));
   }
-  byId("reset").addEventListener("click", () => look(home));
+  byId("reset").addEventListener("click", () => { camera = home; drawSoon(); });
+  byId("save").addEventListener("click", () => Object.assign(document.createElement("a"), { href: picture(), download: "qcball.png" }).click());
   const keys = {
     ArrowLeft: () => turn(-15, 0), ArrowRight: () => turn(15, 0), ArrowUp: () => turn(0, 15), ArrowDown: () => turn(0, -15),
     "+": () => zoom(0.8), "-": () => zoom(1.25),
@@ -304,4 +320,6 @@ async function startViewer() {
     event.preventDefault();
     keys[event.key]();
   });
+  // For the console and the tests.
+  box.viewer = { scenes, room, pick, picture, shown: () => shown, camera: () => camera, most };
 }

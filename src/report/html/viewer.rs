@@ -53,7 +53,7 @@ struct Packed<'a> {
     tets: String,
     /// Whether these are all tets, and cuts other than through the middle therefore possible.
     whole: bool,
-    /// u32: the number of each tet in the mesh.
+    /// u32: the number of each tet in the mesh; empty where these are all tets, in order.
     numbers: String,
     /// u32: the corners of each triangle of the boundary.
     triangles: String,
@@ -113,7 +113,7 @@ fn packed_map<'a>(map: &Viewed<'a>, most_tets: usize) -> Packed<'a> {
         points: packed(points.iter().flat_map(|step| step.to_le_bytes())),
         tets: integers(&tets),
         whole,
-        numbers: integers(&kept.iter().map(|tet| tet.0).collect::<Vec<u32>>()),
+        numbers: if whole { String::new() } else { integers(&kept.iter().map(|tet| tet.0).collect::<Vec<u32>>()) },
         triangles: integers(&triangles),
         owners: integers(&owners),
         inner: singles(map.dilatations[0]),
@@ -234,7 +234,7 @@ mod tests {
         let [whole, part] = [mesh.tets().len(), mesh.tets().len() - 1].map(|most| packed_map(&map, most));
         assert!(whole.whole && integers(&whole.tets).len() == 4 * mesh.tets().len());
         let numbers = integers(&part.numbers);
-        assert!(!part.whole && !numbers.is_empty() && numbers.len() < mesh.tets().len());
+        assert!(whole.numbers.is_empty() && !part.whole && !numbers.is_empty() && numbers.len() < mesh.tets().len());
         // Every triangle's tet is there, and has its corners.
         let [tets, triangles, owners] = [&part.tets, &part.triangles, &part.owners].map(|text| integers(text));
         for (triangle, &owner) in triangles.chunks_exact(3).zip(&owners) {
