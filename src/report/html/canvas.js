@@ -15,7 +15,7 @@ void main() {
 const fragmentShader = `#version 300 es
 precision highp float;
 in vec3 seen; in vec3 ball; in float shade; in vec3 corner;
-uniform vec3 ramp[17]; uniform vec3 flipped; uniform int kind; uniform bool edges; uniform bool lines;
+uniform vec3 ramp[17]; uniform vec3 flipped; uniform int kind; uniform float opacity; uniform bool edges; uniform bool lines;
 out vec4 colour;
 const float pi = 3.141592653589793;
 
@@ -34,7 +34,7 @@ void main() {
     float around = fract(atan(ball.y, ball.x) / (2.0 * pi) + 1.0), above = radius > 0.0 ? acos(clamp(ball.z / radius, -1.0, 1.0)) / pi : 0.5;
     colour = vec4(min(radius, 1.0), around, above, 1.0);
   } else if (kind == 2) {
-    colour = vec4(light * ramp[0], 1.0);
+    colour = opacity * vec4(light * ramp[0], 1.0);
   } else {
     float at = 16.0 * clamp(shade, 0.0, 1.0);
     int first = int(min(at, 15.0));
@@ -87,7 +87,7 @@ function drawingOn(canvas, again) {
   const gl = canvas.getContext("webgl2", { antialias: true });
   if (!gl) return null;
   let program, uniforms, surfaces;
-  const names = ["turn", "middle", "scale", "offset", "lens", "ramp", "flipped", "kind", "edges", "lines"];
+  const names = ["turn", "middle", "scale", "offset", "lens", "ramp", "flipped", "kind", "opacity", "edges", "lines"];
   const attributes = ["place", "image", "value"];
 
   function begin() {
@@ -153,13 +153,27 @@ function drawingOn(canvas, again) {
       gl.uniform3fv(uniforms.middle, middle);
       gl.uniform1f(uniforms.scale, 1 / radius);
       gl.uniform4f(uniforms.lens, ...lensOf(rectangle), (far + near) / (near - far), (2 * far * near) / (near - far));
-      for (const [name, colours, how] of [[surface, ramp, kind], [marks, Array(17).fill(mark).flat(), 2]]) {
+      const put = (name, colours, how) => {
         const { vertices, count } = surfaces.get(name);
         gl.uniform3fv(uniforms.ramp, colours);
         gl.uniform1i(uniforms.kind, how);
         gl.bindVertexArray(vertices);
         gl.drawArrays(gl.TRIANGLES, 0, count);
-      }
+      };
+      put(surface, ramp, kind);
+      const colours = Array(17).fill(mark).flat();
+      // Marks behind the surface shine through.
+      gl.enable(gl.BLEND);
+      gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+      gl.depthMask(false);
+      gl.depthFunc(gl.GREATER);
+      gl.uniform1f(uniforms.opacity, 0.35);
+      put(marks, colours, 2);
+      gl.disable(gl.BLEND);
+      gl.depthMask(true);
+      gl.depthFunc(gl.LESS);
+      gl.uniform1f(uniforms.opacity, 1);
+      put(marks, colours, 2);
     }
   }
   return { upload, draw };

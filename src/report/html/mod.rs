@@ -105,7 +105,7 @@ pub fn write_pages_of(folder: &Path, report: &Report, record: &MapRecord) -> Res
     put(&page, folder)
 }
 
-/// Cases up to which a sweep makes a page for each, 1.2 MB and more.
+/// Cases up to which a sweep makes a page for each, 0.6 MB and more.
 const MOST_CASE_PAGES: usize = 100;
 
 /// Writes the page of a sweep, and first those of its cases that are done and have none, unless there are more than a hundred;

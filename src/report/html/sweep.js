@@ -43,7 +43,7 @@ async function startSweep() {
   function axis(name, rows) {
     if (!isNumeric(name)) {
       const names = distinct(cases, name);
-      return { place: (one) => names.indexOf(value(one, name)), layout: { title: { text: name }, automargin: true, tickvals: names.map((_, at) => at), ticktext: names } };
+      return { place: (one) => names.indexOf(value(one, name)), layout: { title: { text: name }, automargin: true, tickvals: names.map((_, at) => at), ticktext: names, ticklabeloverflow: "allow", range: [-0.5, names.length - 0.5] } };
     }
     const values = rows.map((one) => value(one, name)).filter((one) => one !== null);
     const [least, most] = [Math.min(...values), Math.max(...values)];
@@ -149,7 +149,10 @@ async function startSweep() {
       const axes = [axis(key, measured), axis("max_k", measured)];
       const place = axes.map((one) => one.place);
       const medians = groups(measured, key).map((group) => [...group.rows].sort((a, b) => place[1](a) - place[1](b))[Math.floor((group.rows.length - 1) / 2)]);
-      const traces = [line(medians, place, { name: "median", index: 0 }), points(measured, place, { name: "cases", index: 1 })];
+      const median = line(medians, place, { name: "median", index: 0 });
+      // Nothing lies between two words.
+      if (!isNumeric(key)) Object.assign(median, { mode: "markers", marker: { size: 22, symbol: "line-ew-open", line: { width: 3 } } });
+      const traces = [median, points(measured, place, { name: "cases", index: 1 })];
       plot(boxes[index], traces, { xaxis: axes[0].layout, yaxis: axes[1].layout }, true);
     });
     if (gaps.length > 0) {

@@ -147,7 +147,7 @@ async function startViewer() {
     const out = [];
     if (choice() === "active") out.push(swatch(colourOf.active, "active tets"), swatch(colourOf.rest, "other tets"));
     else if (choice() === "place") {
-      const channels = [["radius", "#f00", [[0, "0"], [1, "1"]]], ["phi around z", "#0f0", [[0, "0°"], [1, "360°"]]], ["theta from z", "#00f", [[0, "0°"], [1, "180°"]]]];
+      const channels = [["radius", "#f00", [[0, "0"], [1, "1"]]], ["phi", "#0f0", [[0, "0°"], [1, "360°"]]], ["theta", "#00f", [[0, "0°"], [1, "180°"]]]];
       for (const [words, colour, marks] of channels) out.push(element("b", "", words), bar(gradient("#000", colour), marks));
     } else {
       const last = top();
@@ -162,7 +162,8 @@ async function startViewer() {
   function room({ index, column }) {
     const [width, height] = [box.clientWidth - byId("legend").offsetWidth, box.clientHeight];
     const [rows, row, columns] = narrow.matches ? [scenes.length, 2 * index + column, 1] : [maps.length, index, 2];
-    return { left: columns === 1 ? 0 : (column * width) / 2, top: (row * height) / rows, width: width / columns, height: height / rows };
+    const words = scenes[0].title.offsetHeight;
+    return { left: columns === 1 ? 0 : (column * width) / 2, top: (row * height) / rows + words, width: width / columns, height: height / rows - words };
   }
 
   function draw() {
@@ -172,7 +173,7 @@ async function startViewer() {
       const { middle, radius } = map.balls[sideOf(scene.column)];
       const words = scene.column && imageSide() === 2 ? scene.words.replace(/image$/, "image of the start") : scene.words;
       if (scene.title.textContent !== words) scene.title.textContent = words;
-      Object.assign(scene.title.style, { left: `${rectangle.left}px`, top: `${rectangle.top}px`, width: `${rectangle.width}px` });
+      Object.assign(scene.title.style, { left: `${rectangle.left}px`, top: `${rectangle.top - scene.title.offsetHeight}px`, width: `${rectangle.width}px` });
       const name = `${scene.index} ${scene.column}`;
       return { rectangle, middle, radius, surface: name, marks: `marks ${name}`, mark: parts(colourOf.mark) };
     });

@@ -1,16 +1,12 @@
 //! What the viewer of a page draws: a map, packed. The page cuts and colours it by itself.
 
 use std::collections::HashMap;
-use std::io::Write;
 
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD;
 use flate2::Compression;
-use flate2::write::ZlibEncoder;
 use serde::Serialize;
 use serde_json::json;
 
-use super::page::paragraph;
+use super::page::{self, paragraph};
 use crate::measure::bottleneck_places;
 use crate::mesh::{Boundary, TetId, TetMesh, Vec3, VertexId};
 use crate::picture::dilatation_colours;
@@ -195,16 +191,15 @@ impl Numbers {
 }
 
 fn packed(bytes: impl Iterator<Item = u8>) -> String {
-    let bytes: Vec<u8> = bytes.collect();
-    let mut encoder = ZlibEncoder::new(Vec::new(), Compression::fast());
-    let packed = encoder.write_all(&bytes).and_then(|()| encoder.finish());
-    STANDARD.encode(packed.expect("memory takes all that is written"))
+    page::packed(bytes, Compression::fast())
 }
 
 #[cfg(test)]
 mod tests {
     use std::io::Read;
 
+    use base64::Engine;
+    use base64::engine::general_purpose::STANDARD;
     use flate2::read::ZlibDecoder;
 
     use super::*;
