@@ -39,13 +39,14 @@ const NAMED: &[MeshKind] = &[MeshKind::Tetgen, MeshKind::Gmsh];
 const TETGEN: &[MeshKind] = &[MeshKind::Tetgen];
 
 /// One row a key: its name, whether it was given, and the meshers it belongs to.
-fn keys(table: &MeshTable) -> [(&'static str, bool, &'static [MeshKind]); 14] {
+fn keys(table: &MeshTable) -> [(&'static str, bool, &'static [MeshKind]); 15] {
     [
         ("subdivisions", table.subdivisions.is_some(), SHELL),
         ("edge_length", table.edge_length.is_some(), BY_LENGTH),
         ("cells", table.cells.is_some(), SHELL),
         ("layers", table.layers.is_some(), LAYERED),
         ("grading", table.grading.is_some(), LAYERED),
+        ("layer_grading", table.layer_grading.is_some(), FLAG),
         ("sectors", table.sectors.is_some(), FLAG),
         ("rings", table.rings.is_some(), FLAG),
         ("feature_edge_length", table.feature_edge_length.is_some(), EXTERNAL),
@@ -124,11 +125,13 @@ fn shell(table: &MeshTable) -> Result<ShellSettings, Fault> {
 fn flag(table: &MeshTable) -> Result<FlagSettings, Fault> {
     let usual = FlagSettings::default();
     let number = |given, usual: u32, key| whole(given, usual.into(), 1..=1000, &["mesh", key]);
+    let grading = positive(table.grading, usual.grading, &["mesh", "grading"])?;
     Ok(FlagSettings {
         sectors: number(table.sectors, usual.sectors, "sectors")?,
         rings: number(table.rings, usual.rings, "rings")?,
         layers: number(table.layers, usual.layers, "layers")?,
-        grading: positive(table.grading, usual.grading, &["mesh", "grading"])?,
+        grading,
+        layer_grading: positive(table.layer_grading, grading, &["mesh", "layer_grading"])?,
     })
 }
 

@@ -168,10 +168,14 @@ pub struct MeshTable {
     /// middle of the solid, default 4, at most 1000.
     #[schemars(range(min = 1, max = 10_000))]
     pub layers: Option<i64>,
-    /// Ratio of the thicknesses of successive layers, > 0. shell: outward, default 1, all equally thick. flag: away from the corner,
-    /// and of rings away from the edge, default 1.3.
+    /// Ratio of the thicknesses of successive layers, > 0. shell: outward, default 1, all equally thick. flag: of
+    /// rings away from the edge, default 1.3.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub grading: Option<f64>,
+    /// Ratio of the thicknesses of successive layers away from the corner, > 0 (flag). Default: `grading`. Nearer to 1 where
+    /// corners = "power".
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub layer_grading: Option<f64>,
     /// Sectors about an edge from a face to the plane of edge and centre, at least 1 (flag). Default: 4.
     #[schemars(range(min = 1, max = 1000))]
     pub sectors: Option<i64>,

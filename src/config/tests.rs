@@ -142,8 +142,9 @@ fn meshers_refuse_each_others_keys() {
     let keys = [
         ("subdivisions = 2", "auto shell"),
         ("cells = 9", "auto shell"),
-        ("layers = 2", "auto shell"),
-        ("grading = 2", "auto shell"),
+        ("layers = 2", "auto shell flag"),
+        ("grading = 2", "auto shell flag"),
+        ("layer_grading = 2", "flag"),
         ("edge_length = 0.5", "auto shell tetgen gmsh"),
         ("feature_edge_length = 0.1", "auto tetgen gmsh"),
         ("feature_edge_length = 0.1\nfeature_growth = 0.1", "auto tetgen gmsh"),
@@ -153,7 +154,7 @@ fn meshers_refuse_each_others_keys() {
         ("program = \"mesher\"", "tetgen gmsh"),
         ("program_time_limit = 5", "auto tetgen gmsh"),
     ];
-    for kind in ["auto", "shell", "tetgen", "gmsh"] {
+    for kind in ["auto", "shell", "flag", "tetgen", "gmsh"] {
         for (lines, owners) in keys {
             let text = format!("[domain]\nsolid = \"cube\"\n[mesh]\nkind = \"{kind}\"\n{lines}");
             if owners.split(' ').any(|owner| owner == kind) {

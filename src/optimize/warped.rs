@@ -5,10 +5,14 @@
 //! corner if there is one, and L a shear that depends on the direction of the point's image and on the boundary triangle there
 //! ([`crate::measure::ball_dilatation`]). With R and L held as they are at some points of all tets, the largest K is a minimax
 //! problem like that without them; it is solved, R and L are taken anew on the way to its solution, and so on as long as K
-//! falls. At a fixed point the derivatives of L are all that is left out of the conditions of stationarity.
+//! falls. Such a problem does not see what becomes of L where a tet moves into another cone, and K may jump: where the way was not taken to its
+//! end, the factors at that end are held beside those of the map in the next problem. At a fixed point the derivatives of L are all that is
+//! left out of the conditions of stationarity.
 //!
 //! A map that commutes with the mirror planes of a domain is known from one chamber, whose vertices stay on their planes. Where
 //! the least largest K is attained, it is attained by such a map if the problem were convex; it is not, but nothing better was seen.
+
+use std::time::Instant;
 
 use rayon::prelude::*;
 
@@ -22,13 +26,18 @@ use crate::measure::{NotOntoBall, OntoBall, measure};
 use crate::mesh::{Mat3, Mirrors, TetId, Vec3};
 
 /// Most times that the factors are taken anew.
-const ROUNDS: usize = 12;
-/// Relative fall of K onto the ball in a round below which there is no other.
+const ROUNDS: usize = 30;
+/// Relative fall of K onto the ball below which there is no other round: the least that a problem with held factors promises.
 const GAIN: f64 = 1e-3;
-/// Share of the largest ln K above which the factors of a tet are held in view, and the least and most of them that are.
-const NEAR: (f64, usize, usize) = (0.85, 2, 6);
+/// Rounds in a row with a smaller fall, which only add factors, after which there is no other.
+const FRUITLESS: usize = 3;
+/// Share of the largest ln K above which the factors of a tet are held in view, and the least and most of them that are. With 6 at
+/// most, those left out decided: a tet near a corner reaches into dozens of cones.
+const NEAR: (f64, usize, usize) = (0.95, 2, 60);
 /// Shares of the way to the solution of a problem with held factors that are tried: far from where these were taken it says little.
 const SHARES: [f64; 6] = [1.0, 0.7, 0.5, 0.25, 0.1, 0.04];
+/// Share of the promised fall with which the whole way is taken without a look at others.
+const KEPT: f64 = 0.5;
 
 /// A domain whose boundary stays on the sphere or on its place, with what its maps are made of.
 #[derive(Clone, Copy)]
@@ -63,45 +72,96 @@ impl Warped<'_> {
         if !self.onto_ball {
             return self.solved(&plain, Start::Anywhere, start, settings, observe);
         }
+        let clock = Instant::now();
         OntoBall::new(self.domain, self.corners, start)?;
         let settings = OptimizeSettings { objective: Objective::Max, polish: Polish::None, ..settings.starting_now() };
         let mut now = self.solved(&plain, Start::Anywhere, start, &settings, observe)?;
         let mut held = self.held(&now.positions)?;
+        let mut fruitless = 0;
         for _ in 0..ROUNDS {
             // What ended the rest is told.
             if !matches!(now.stop, StopReason::Optimal | StopReason::Converged | StopReason::NoProgress) {
+                return Ok(now);
+            }
+            let problem = self.chamber().with_factors_on_both_sides(&held.factors);
+            let next = self.solved(&problem, Start::Settled, &now.positions, &settings, &mut |_| {})?;
+            now.stop = next.stop;
+            let promised = held.k - measure(&problem, &self.restricted(&next.positions)).summary.max_k;
+            let Some((whole, best)) = self.on_the_way([&now.positions, &next.positions], held.k, promised, &settings)
+            else {
                 break;
+            };
+            match best {
+                Some((share, trial, positions)) => {
+                    fruitless = if trial.k < held.k * (1.0 - GAIN) { 0 } else { fruitless + 1 };
+                    held = trial;
+                    now.positions = positions;
+                    let summary = measure(&plain, &self.restricted(&now.positions)).summary;
+                    if let Some(last) = now.trace.last().cloned() {
+                        let row = TraceRow {
+                            phase: "onto the ball".into(),
+                            iteration: now.trace.len(),
+                            objective: held.k.ln(),
+                            max_k: summary.max_k,
+                            mean_k: summary.mean_k,
+                            step: share,
+                            seconds: clock.elapsed().as_secs_f64(),
+                            ..last
+                        };
+                        observe(&row);
+                        now.trace.push(row);
+                    }
+                    if share < 1.0 {
+                        held.watch(whole);
+                    }
+                }
+                None => {
+                    fruitless += 1;
+                    held.watch(whole);
+                }
             }
-            let next = self.solved(&held.domain, Start::Settled, &now.positions, &settings, &mut |_| {})?;
-            let tried = SHARES.iter().filter_map(|share| {
-                let image = self.part_of_the_way([&now.positions, &next.positions], *share, &settings);
-                Some((self.held(&image).ok()?, image))
-            });
-            let best = tried.reduce(|a, b| if b.0.k < a.0.k { b } else { a });
-            let Some((trial, positions)) = best.filter(|(trial, _)| trial.k < held.k) else { break };
-            let gain = 1.0 - trial.k / held.k;
-            let summary = measure(&plain, &self.restricted(&positions)).summary;
-            let mut trace = now.trace;
-            if let Some(last) = trace.last().cloned() {
-                let row = TraceRow {
-                    phase: "onto the ball".into(),
-                    iteration: trace.len(),
-                    objective: trial.k.ln(),
-                    max_k: summary.max_k,
-                    mean_k: summary.mean_k,
-                    step: 1.0,
-                    seconds: last.seconds + next.trace.last().map_or(0.0, |row| row.seconds),
-                    ..last
-                };
-                observe(&row);
-                trace.push(row);
-            }
-            (now, held) = (Outcome { positions, trace, ..next }, trial);
-            if gain < GAIN {
+            if promised < GAIN * held.k || fruitless == FRUITLESS {
                 break;
             }
         }
-        Ok(now)
+        now.stop = if now.stop == StopReason::Optimal { StopReason::Converged } else { now.stop };
+        Ok(Outcome { kkt: None, ..now })
+    }
+
+    /// The image of least K onto the ball among some on the way from one to another, if it is below `k`, with the share of the way and its
+    /// factors; and the factors at the end of the way. `None` where the end is not onto the ball. `promised`: the expected fall.
+    fn on_the_way(
+        &self,
+        [from, to]: [&[Vec3]; 2],
+        k: f64,
+        promised: f64,
+        settings: &OptimizeSettings,
+    ) -> Option<(Factors, Option<(f64, Held, Vec<Vec3>)>)> {
+        let mut whole = None;
+        let mut best: Option<(f64, Held, Vec<Vec3>)> = None;
+        for share in SHARES {
+            let image = self.part_of_the_way([from, to], share, settings);
+            let Ok(trial) = self.held(&image) else {
+                if share == 1.0 {
+                    return None;
+                }
+                continue;
+            };
+            if share == 1.0 {
+                whole = Some(trial.factors.clone());
+            }
+            let least = best.as_ref().map_or(k, |(_, held, _)| held.k);
+            if trial.k < least {
+                let enough = share == 1.0 && k - trial.k >= KEPT * promised;
+                best = Some((share, trial, image));
+                if enough {
+                    break;
+                }
+            } else if best.is_some() {
+                break;
+            }
+        }
+        whole.map(|whole| (whole, best))
     }
 
     /// The tets that are solved for.
@@ -166,14 +226,23 @@ impl Warped<'_> {
             sorted.truncate(near.clamp(NEAR.1, NEAR.2));
             if sorted.is_empty() { vec![[Mat3::identity(); 2]] } else { sorted.iter().map(|(_, both)| *both).collect() }
         };
-        let kept: Vec<Vec<[Mat3; 2]>> = all.iter().map(kept).collect();
-        Ok(Held { k, domain: self.chamber().with_factors_on_both_sides(&kept) })
+        Ok(Held { k, factors: all.iter().map(kept).collect() })
     }
 }
 
-/// A domain whose tets have the factors of a map onto the ball.
+/// For each tet that is solved for its pairs of factors.
+type Factors = Vec<Vec<[Mat3; 2]>>;
+
+/// The factors of a map onto the ball.
 struct Held {
-    /// The largest K onto the ball by these factors.
+    /// The largest K onto the ball by those that the map has.
     k: f64,
-    domain: Domain,
+    factors: Factors,
+}
+
+impl Held {
+    /// Adds factors that the tets have elsewhere: where a problem with held ones led to, and K was larger than it said.
+    fn watch(&mut self, elsewhere: Factors) {
+        self.factors.iter_mut().zip(elsewhere).for_each(|(of_tet, more)| of_tet.extend(more));
+    }
 }

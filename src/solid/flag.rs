@@ -22,16 +22,18 @@ pub struct FlagSettings {
     pub rings: u32,
     /// Layers from a corner to the bases of its flags, at least 1.
     pub layers: u32,
-    /// Ratio of the thickness of a ring to that of the next one nearer to the edge, and of a layer to that of the next one
-    /// nearer to the corner, > 0; 1 for equal ones.
+    /// Ratio of the thickness of a ring to that of the next one nearer to the edge, > 0; 1 for equal ones.
     pub grading: f64,
+    /// Ratio of the thickness of a layer to that of the next one nearer to the corner, > 0. A map that is like r^p at the corner
+    /// needs no thin ones there, but triangles of the sphere that are small everywhere.
+    pub layer_grading: f64,
 }
 
 impl Default for FlagSettings {
     /// 280 tets a flag: 13,440 for a cube, which has 48. Their smallest dihedral angle is 0.6 degrees on a regular
     /// tetrahedron and 1.4 on a cube: next to an edge they are long.
     fn default() -> Self {
-        Self { sectors: 4, rings: 4, layers: 4, grading: 1.3 }
+        Self { sectors: 4, rings: 4, layers: 4, grading: 1.3, layer_grading: 1.3 }
     }
 }
 
@@ -146,8 +148,8 @@ fn check(settings: &FlagSettings) -> Result<(), FlagError> {
     if settings.sectors > 10_000 || settings.rings > 10_000 || settings.layers > 10_000 {
         return refuse("sectors, rings and layers must be at most 10000");
     }
-    if !(settings.grading.is_finite() && settings.grading > 0.0) {
-        return refuse("grading must be a positive number");
+    if [settings.grading, settings.layer_grading].iter().any(|grading| !(grading.is_finite() && *grading > 0.0)) {
+        return refuse("grading and layer_grading must be positive numbers");
     }
     Ok(())
 }
@@ -275,7 +277,7 @@ fn cones(faces: &Faces, bases: &Bases, settings: &FlagSettings, order: Order) ->
     let mut ranks = vec![0; by_rank.len()];
     (0..).zip(&by_rank).for_each(|(rank, &point)| ranks[point as usize] = rank);
     let layers = settings.layers as usize;
-    let fractions = layer_fractions(settings.layers, settings.grading);
+    let fractions = layer_fractions(settings.layers, settings.layer_grading);
     let mut points = bases.points.clone();
     let base = points.len() as u32;
     points.extend_from_slice(&faces.points);
@@ -373,9 +375,9 @@ mod tests {
         for (surface, flags) in named.chain([(gem, flags)]) {
             for settings in [
                 FlagSettings::default(),
-                FlagSettings { sectors: 1, rings: 1, layers: 1, grading: 1.0 },
-                FlagSettings { sectors: 3, rings: 1, layers: 2, grading: 0.7 },
-                FlagSettings { sectors: 1, rings: 2, layers: 1, grading: 2.0 },
+                FlagSettings { sectors: 1, rings: 1, layers: 1, grading: 1.0, layer_grading: 1.0 },
+                FlagSettings { sectors: 3, rings: 1, layers: 2, grading: 0.7, layer_grading: 1.4 },
+                FlagSettings { sectors: 1, rings: 2, layers: 1, grading: 2.0, layer_grading: 2.0 },
             ] {
                 let angle = checked(&surface, flags, &settings);
                 // 0.63 (tetrahedron) to 2.5 (dodecahedron): long prisms along the edges.
@@ -391,9 +393,9 @@ mod tests {
         let surface = Solid::Cube.surface().unwrap();
         for settings in [
             FlagSettings::default(),
-            FlagSettings { sectors: 2, rings: 2, layers: 2, grading: 1.3 },
-            FlagSettings { sectors: 2, rings: 3, layers: 2, grading: 1.3 },
-            FlagSettings { sectors: 3, rings: 3, layers: 3, grading: 1.3 },
+            FlagSettings { sectors: 2, rings: 2, layers: 2, ..FlagSettings::default() },
+            FlagSettings { sectors: 2, rings: 3, layers: 2, ..FlagSettings::default() },
+            FlagSettings { sectors: 3, rings: 3, layers: 3, ..FlagSettings::default() },
         ] {
             let flags = mesh(&surface, &settings);
             let told = radial_dilatation(&flags, settings.tets_a_flag());
@@ -441,13 +443,14 @@ mod tests {
             FlagSettings { layers: 0, ..usual.clone() },
             FlagSettings { grading: f64::NAN, ..usual.clone() },
             FlagSettings { grading: 0.0, ..usual.clone() },
+            FlagSettings { layer_grading: -1.0, ..usual.clone() },
             FlagSettings { layers: u32::MAX, ..usual.clone() },
         ] {
             assert!(matches!(flag_mesh(&surface, Vec3::zeros(), &settings), Err(FlagError::Settings(_))));
         }
-        let large = FlagSettings { sectors: 1000, rings: 1000, layers: 1000, grading: 1.0 };
+        let large = FlagSettings { sectors: 1000, rings: 1000, layers: 1000, ..usual.clone() };
         assert!(matches!(flag_mesh(&surface, Vec3::zeros(), &large), Err(FlagError::TooLarge { flags: 48, .. })));
-        let steep = FlagSettings { layers: 2000, grading: 2.0, sectors: 1, rings: 1 };
+        let steep = FlagSettings { layers: 2000, layer_grading: 2.0, sectors: 1, rings: 1, ..usual };
         assert!(matches!(flag_mesh(&surface, Vec3::zeros(), &steep), Err(FlagError::Cell(_))));
     }
 }

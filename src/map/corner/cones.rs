@@ -308,7 +308,7 @@ mod tests {
     /// A cube of flags, its radial image and warps of one exponent at all corners.
     fn flags(exponent: f64) -> (Domain, Vec<Vec3>, Corners) {
         let surface = Solid::Cube.surface().unwrap();
-        let settings = FlagSettings { sectors: 2, rings: 2, layers: 2, grading: 1.3 };
+        let settings = FlagSettings { sectors: 2, rings: 2, layers: 2, ..FlagSettings::default() };
         let flags = flag_mesh(&surface, Vec3::zeros(), &settings).unwrap();
         let mut rays = by_ray_casting(&surface, Vec3::zeros(), flags.mesh.points(), RayEnd::Only).unwrap();
         let domain = Domain::new(flags.mesh).unwrap();

@@ -35,6 +35,7 @@
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
+use std::rc::Rc;
 
 use super::cones::{Cone, Cones};
 use super::enclosure::{ExactWarp, Norms, Pair, TetMap, shears};
@@ -89,13 +90,19 @@ struct Corner {
     ratio: f64,
     /// By how much rounding is amplified.
     cancelled: f64,
+    /// The norms of the map; none where it has no M or no R.
+    norms: Option<Norms>,
 }
+
+/// The corners of a simplex; neighbours share them.
+type Corners = [Rc<Corner>; 4];
 
 /// A part of a tet's points in one cone.
 struct Piece {
     bound: f64,
     cone: usize,
     simplex: Simplex,
+    corners: Corners,
 }
 
 impl PartialEq for Piece {
@@ -165,19 +172,23 @@ impl<'a> WarpedTet<'a> {
             if rough <= floor || shadow.nearly_misses(cone) {
                 return;
             }
-            if search.take(Piece { bound: rough, cone: index, simplex: WHOLE }, floor, false) {
+            let piece = |simplex: Simplex| {
+                let corners = simplex.each_ref().map(|weights| Rc::new(self.corner(cone, weights)));
+                Piece { bound: rough, cone: index, simplex, corners }
+            };
+            if search.take(piece(WHOLE), floor, false) {
                 return;
             }
             for simplex in within(&self.image, cone) {
-                search.take(Piece { bound: rough, cone: index, simplex }, floor, true);
+                search.take(piece(simplex), floor, true);
             }
         });
-        while let Some(Piece { bound, cone, simplex }) = search.queue.pop() {
+        while let Some(piece) = search.queue.pop() {
             if search.made > MOST {
-                return (BallDilatation { certified: bound, sampled: search.sampled }, search.made);
+                return (BallDilatation { certified: piece.bound, sampled: search.sampled }, search.made);
             }
-            for simplex in self.halves(&simplex, self.cones.get(cone)) {
-                search.take(Piece { bound, cone, simplex }, floor, true);
+            for half in self.halves(&piece) {
+                search.take(half, floor, true);
             }
         }
         (BallDilatation { certified: 1.0, sampled: search.sampled }, search.made)
@@ -199,29 +210,26 @@ impl<'a> WarpedTet<'a> {
         let (distance, height) = (normal.dot(&at), slope.dot(&from));
         let radial = shears(cone, &y).map(|pair| (pair, at / distance));
         let warp = self.warp.factors(&offset).map(|pair| (pair, from / height));
+        let norms = radial.as_ref().zip(warp.as_ref()).map(|((shear, _), (factor, _))| self.map.between(shear, factor));
         let cancelled = [(size(&self.image), at.norm()), (size(&self.offsets), from.norm())];
         let cancelled =
             cancelled.into_iter().map(|(all, left)| all / left).filter(|x| x.is_finite()).fold(1.0, f64::max);
-        Corner { radial, warp, ratio: distance / height.abs(), cancelled }
+        Corner { radial, warp, ratio: distance / height.abs(), cancelled, norms }
     }
 
     /// Upper bound of K on a simplex, by the matrices of one cone, and the largest K at its corners, rounded up; 1 where that is not known.
-    fn on(&self, cone: &Cone, simplex: &Simplex) -> [f64; 2] {
-        let corners = simplex.each_ref().map(|weights| self.corner(cone, weights));
+    fn on(&self, Piece { cone, simplex, corners, .. }: &Piece) -> [f64; 2] {
+        let cone = self.cones.get(*cone);
         let radial: Vec<&(Pair, Vec3)> = corners.iter().filter_map(|corner| corner.radial.as_ref()).collect();
         let warps: Vec<&(Pair, Vec3)> = corners.iter().filter_map(|corner| corner.warp.as_ref()).collect();
-        if radial.is_empty() || warps.is_empty() || !self.only_ends_lack(simplex, &corners) {
+        if radial.is_empty() || warps.is_empty() || !self.only_ends_lack(simplex, corners) {
             return [f64::INFINITY, 1.0];
         }
         let all = radial.len() == 4 && warps.len() == 4;
         let mut norms = [0.0f64; 2];
         let mut take = |found: Norms| (0..2).for_each(|side| norms[side] = norms[side].max(found[side]));
         if all {
-            corners.iter().for_each(|corner| {
-                if let (Some((shear, _)), Some((factor, _))) = (&corner.radial, &corner.warp) {
-                    take(self.map.between(shear, factor));
-                }
-            });
+            corners.iter().filter_map(|corner| corner.norms).for_each(take);
         } else {
             radial
                 .iter()
@@ -276,7 +284,7 @@ impl<'a> WarpedTet<'a> {
     }
 
     /// Whether corners without a direction or a projection are 0 or the apex: others are too near to a plane to be told.
-    fn only_ends_lack(&self, simplex: &Simplex, corners: &[Corner; 4]) -> bool {
+    fn only_ends_lack(&self, simplex: &Simplex, corners: &Corners) -> bool {
         let is = |weights: &Weights, points: &[Vec3; 4]| {
             points.iter().zip(weights).all(|(point, weight)| *weight == 0.0 || *point == Vec3::zeros())
         };
@@ -287,8 +295,8 @@ impl<'a> WarpedTet<'a> {
     }
 
     /// Both halves, cut through the middle of the edge along which M and R change most.
-    fn halves(&self, simplex: &Simplex, cone: &Cone) -> [Simplex; 2] {
-        let corners = simplex.each_ref().map(|weights| self.corner(cone, weights));
+    fn halves(&self, Piece { bound, cone: index, simplex, corners }: &Piece) -> [Piece; 2] {
+        let cone = self.cones.get(*index);
         let [normal, slope] =
             [cone.normal, self.warp.normal()].map(|v| v.map(|x| x.middle())).map(|v| Vec3::from(v).norm());
         let power = self.warp.exponent();
@@ -310,10 +318,11 @@ impl<'a> WarpedTet<'a> {
         // Halfway between two points, whatever the sums of their weights.
         let [of_i, of_j] = [i, j].map(|k| simplex[k].iter().sum::<f64>());
         let middle = std::array::from_fn(|k| 0.5 * (simplex[i][k] / of_i + simplex[j][k] / of_j));
+        let at_middle = Rc::new(self.corner(cone, &middle));
         [i, j].map(|replaced| {
-            let mut half = *simplex;
-            half[replaced] = middle;
-            half
+            let (mut simplex, mut corners) = (*simplex, corners.clone());
+            (simplex[replaced], corners[replaced]) = (middle, at_middle.clone());
+            Piece { bound: *bound, cone: *index, simplex, corners }
         })
     }
 }
@@ -330,7 +339,7 @@ impl Search<'_> {
     /// Bounds a piece, which is inside of its cone or not, and queues it if it is and the bound is above the floor; whether it is not.
     fn take(&mut self, piece: Piece, floor: f64, inside: bool) -> bool {
         self.made += 1;
-        let [bound, at_corners] = self.tet.on(self.tet.cones.get(piece.cone), &piece.simplex);
+        let [bound, at_corners] = self.tet.on(&piece);
         if inside && part(&piece.simplex) > THIN {
             self.sampled = self.sampled.max(attained(at_corners));
         }

@@ -34,13 +34,20 @@ impl<'a> OntoBall<'a> {
 
     /// The largest K at the corners of [`OntoBall::factors`].
     pub(super) fn sampled(&self, tet: TetId) -> f64 {
-        self.factors(tet).iter().map(|(k, _)| *k).fold(1.0, f64::max)
+        self.factors_on(tet, THIN).iter().map(|(k, _)| *k).fold(1.0, f64::max)
     }
 
     /// At the corners of the parts of a tet in single cones the matrices R and L, of determinants p > 0 and 1, with which the map onto the
     /// ball has the Jacobian L J R up to a factor, J being that of the piecewise-linear map; before them K there. On such a part K has its
     /// maximum at a corner, up to the curvature of L and R. The apex of a warped tet has an R in each direction, 0 an L.
+    ///
+    /// Even the thinnest part counts: a map that is made better to where a tet would reach into a cone of larger K reaches there in the end.
     pub fn factors(&self, tet: TetId) -> Vec<(f64, [Mat3; 2])> {
+        self.factors_on(tet, 0.0)
+    }
+
+    /// The same on the parts of the tet larger than `thin`, relative to its volume.
+    fn factors_on(&self, tet: TetId, thin: f64) -> Vec<(f64, [Mat3; 2])> {
         let rest = self.domain.mesh().corners(tet);
         let images = self.domain.mesh().tets()[tet.index()].map(|v| self.image[v.index()]);
         let jacobian = self.domain.jacobian(tet, self.image);
@@ -52,7 +59,7 @@ impl<'a> OntoBall<'a> {
                 return;
             }
             let mut corners: Vec<Weights> = Vec::new();
-            for simplex in within(&images, cone).into_iter().filter(|simplex| part(simplex) > THIN) {
+            for simplex in within(&images, cone).into_iter().filter(|simplex| part(simplex) > thin) {
                 corners.extend(simplex);
             }
             corners.sort_unstable_by(|a, b| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));

@@ -145,7 +145,7 @@ fn warped_cube(exponent: f64, moved: f64) -> (Domain, Vec<Vec3>, Corners) {
     use crate::map::{Cone, RayEnd};
     use crate::solid::{FlagSettings, flag_mesh};
     let surface = Solid::Cube.surface().unwrap();
-    let settings = FlagSettings { sectors: 1, rings: 2, layers: 2, grading: 1.3 };
+    let settings = FlagSettings { sectors: 1, rings: 2, layers: 2, ..FlagSettings::default() };
     let flags = flag_mesh(&surface, Vec3::zeros(), &settings).unwrap();
     let domain = Domain::new(flags.mesh).unwrap();
     let rays = RadialCoordinates::of_domain(&domain, &surface, Vec3::zeros(), RayEnd::Only).unwrap();
