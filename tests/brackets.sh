@@ -14,19 +14,19 @@ csv=results/brackets/table.csv
 # Name; config; overrides.
 rows() {
     cat <<ROWS
-tetrahedron|brackets|domain.solid=tetrahedron boundary.corners=2.5 mesh.rings=7 mesh.layers=7
+tetrahedron|brackets|domain.solid=tetrahedron boundary.corners=2.5 mesh.rings=10 mesh.layers=10
 cube|brackets|
-octahedron|brackets|domain.solid=octahedron boundary.corners=1.9 mesh.rings=5 mesh.layers=5
-dodecahedron|brackets|domain.solid=dodecahedron boundary.corners=1.25 mesh.rings=4 mesh.layers=4
-icosahedron|brackets|domain.solid=icosahedron boundary.corners=1.45 mesh.rings=4 mesh.layers=4
-box 1 x 1 x 2|brackets|domain.solid=box domain.size=[1,1,2] mesh.rings=5 mesh.layers=5
-3-sided prism|brackets|domain.solid=prism domain.sides=3 boundary.corners=1.9 mesh.rings=5 mesh.layers=5
-5-sided prism|brackets|domain.solid=prism domain.sides=5 boundary.corners=1.5 mesh.rings=4 mesh.layers=4
-6-sided prism|brackets|domain.solid=prism domain.sides=6 boundary.corners=1.5 mesh.rings=4 mesh.layers=4
-3-sided pyramid|brackets|domain.solid=pyramid domain.sides=3 boundary.corners="power" mesh.rings=5 mesh.layers=5
-4-sided pyramid|brackets|domain.solid=pyramid domain.sides=4 boundary.corners="power" mesh.rings=5 mesh.layers=5
-5-sided pyramid|brackets|domain.solid=pyramid domain.sides=5 boundary.corners="power" mesh.rings=4 mesh.layers=4
-5-sided bipyramid|brackets|domain.solid=bipyramid domain.sides=5 domain.height=0.75 boundary.corners="power" mesh.rings=4 mesh.layers=4
+octahedron|brackets|domain.solid=octahedron boundary.corners=1.9 mesh.rings=8 mesh.layers=8
+dodecahedron|brackets|domain.solid=dodecahedron boundary.corners=1.25 mesh.sectors=5 mesh.rings=7 mesh.layers=7
+icosahedron|brackets|domain.solid=icosahedron boundary.corners=1.45 mesh.sectors=5 mesh.rings=7 mesh.layers=7
+box 1 x 1 x 2|brackets|domain.solid=box domain.size=[1,1,2] mesh.sectors=4 mesh.rings=7 mesh.layers=7
+3-sided prism|brackets|domain.solid=prism domain.sides=3 boundary.corners=1.9 mesh.sectors=4 mesh.rings=7 mesh.layers=7
+5-sided prism|brackets|domain.solid=prism domain.sides=5 boundary.corners=1.5 mesh.sectors=4 mesh.rings=6 mesh.layers=6
+6-sided prism|brackets|domain.solid=prism domain.sides=6 boundary.corners=1.5 mesh.sectors=4 mesh.rings=6 mesh.layers=6
+3-sided pyramid|brackets|domain.solid=pyramid domain.sides=3 boundary.corners="power" mesh.sectors=4 mesh.rings=7 mesh.layers=7
+4-sided pyramid|brackets|domain.solid=pyramid domain.sides=4 boundary.corners="power" mesh.sectors=4 mesh.rings=7 mesh.layers=7
+5-sided pyramid|brackets|domain.solid=pyramid domain.sides=5 boundary.corners="power" mesh.sectors=4 mesh.rings=6 mesh.layers=6
+5-sided bipyramid|brackets|domain.solid=bipyramid domain.sides=5 domain.height=0.75 boundary.corners="power" mesh.sectors=4 mesh.rings=6 mesh.layers=6
 ROWS
 }
 
@@ -47,8 +47,8 @@ while IFS='|' read -r name config keys; do
     read -ra keys <<<"$keys"
     linear=()
     for key in ${keys[@]+"${keys[@]}"}; do [[ $key == boundary.corners=* ]] || linear+=("$key"); done
-    linear+=('boundary.corners="linear"' 'boundary.values="fixed"' 'optimize.objective="max"' optimize.symmetric=false)
-    run "$dir/radial" "$config" "${linear[@]}" optimize.max_iterations=0
+    linear+=('boundary.corners="linear"' 'boundary.values="fixed"' 'optimize.objective="max"')
+    run "$dir/radial" "$config" "${linear[@]}" optimize.symmetric=false optimize.max_iterations=0
     run "$dir/fixed" "$config" "${linear[@]}"
     { TIMEFORMAT=%U; time run "$dir/best" "$config" ${keys[@]+"${keys[@]}"} 2>&3; } 3>&2 2>"$dir/seconds"
     seconds=$(printf %.0f "$(tail -1 "$dir/seconds")")

@@ -305,13 +305,10 @@ impl<'a> WarpedTet<'a> {
             (Some((_, a)), Some((_, b))) => (a - b).norm(),
             _ => 0.0,
         };
-        // Where every M is taken with every R, only those that change towards the corner without the other count.
-        let [no_direction, no_projection] =
-            [corners.iter().any(|c| c.radial.is_none()), corners.iter().any(|c| c.warp.is_none())];
+        // Where every M is taken with every R, both count still: next to 0, were it cut towards 0 first, all directions would be left to
+        // every cut.
         let length = |(i, j): (usize, usize)| {
-            let radial = if no_direction { 0.0 } else { far(&corners[i].radial, &corners[j].radial) * normal };
-            let warp = if no_projection { 0.0 } else { far(&corners[i].warp, &corners[j].warp) * weight };
-            radial + warp
+            far(&corners[i].radial, &corners[j].radial) * normal + far(&corners[i].warp, &corners[j].warp) * weight
         };
         let edges = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)];
         let (i, j) = edges.into_iter().reduce(|a, b| if length(b) > length(a) { b } else { a }).unwrap_or((0, 1));
