@@ -54,8 +54,7 @@ pub struct Warped<'d> {
 
 impl Warped<'_> {
     /// Moves the vertices so that the objective falls. For K onto the ball the start, inscribed in a sphere about 0 and star-shaped
-    /// about 0, is first improved as without it. The outcome's KKT residual is then that of the last problem with given
-    /// shears, and its trace has a row a round after those of the first map, whose objective is the logarithm of K onto the ball,
+    /// about 0, is first improved as without it. The outcome then has no KKT residual, and its trace has a row a round after those of the first map, whose objective is the logarithm of K onto the ball,
     /// as far as points of the tets tell.
     ///
     /// # Errors
@@ -92,10 +91,10 @@ impl Warped<'_> {
                 break;
             };
             match best {
-                Some((share, trial, positions)) => {
+                Some(OnTheWay { share, held: trial, image }) => {
                     fruitless = if trial.k < held.k * (1.0 - GAIN) { 0 } else { fruitless + 1 };
                     held = trial;
-                    now.positions = positions;
+                    now.positions = image;
                     let summary = measure(&plain, &self.restricted(&now.positions)).summary;
                     if let Some(last) = now.trace.last().cloned() {
                         let row = TraceRow {
@@ -136,9 +135,9 @@ impl Warped<'_> {
         k: f64,
         promised: f64,
         settings: &OptimizeSettings,
-    ) -> Option<(Factors, Option<(f64, Held, Vec<Vec3>)>)> {
+    ) -> Option<(Factors, Option<OnTheWay>)> {
         let mut whole = None;
-        let mut best: Option<(f64, Held, Vec<Vec3>)> = None;
+        let mut best: Option<OnTheWay> = None;
         for share in SHARES {
             let image = self.part_of_the_way([from, to], share, settings);
             let Ok(trial) = self.held(&image) else {
@@ -150,10 +149,10 @@ impl Warped<'_> {
             if share == 1.0 {
                 whole = Some(trial.factors.clone());
             }
-            let least = best.as_ref().map_or(k, |(_, held, _)| held.k);
+            let least = best.as_ref().map_or(k, |best| best.held.k);
             if trial.k < least {
                 let enough = share == 1.0 && k - trial.k >= KEPT * promised;
-                best = Some((share, trial, image));
+                best = Some(OnTheWay { share, held: trial, image });
                 if enough {
                     break;
                 }
@@ -238,6 +237,13 @@ struct Held {
     /// The largest K onto the ball by those that the map has.
     k: f64,
     factors: Factors,
+}
+
+/// An image on the way to the solution of a problem with held factors.
+struct OnTheWay {
+    share: f64,
+    held: Held,
+    image: Vec<Vec3>,
 }
 
 impl Held {
