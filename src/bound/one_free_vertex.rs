@@ -1,17 +1,18 @@
 //! The least dilatation of tets that share their one free vertex, from below and above.
 
-use clarabel::algebra::CscMatrix;
-use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus, SupportedConeT};
+use nalgebra::{Matrix4, Vector4};
 
 use super::Kind;
 use super::check::accepted;
 use super::check::free_vertex::{Limit, Term, Tet, excluded};
 use crate::domain::Domain;
-use crate::linalg::svd;
+use crate::linalg::{QuadraticProgram, svd};
 use crate::mesh::{Mat3, TetId, Vec3, VertexId, edge_matrix};
 
 /// Relative distance of the two ends at which the search is done.
 const ACCURACY: f64 = 1e-7;
+/// Residual at which a linear program is solved.
+const PROGRAM_ACCURACY: f64 = 1e-12;
 /// Fall in the cube root of K promised by a linear program below which nothing more comes of it.
 const LEAST_GAIN: f64 = 1e-11;
 /// Most linear programs for one vertex; 10 to 30 are usual.
@@ -390,53 +391,28 @@ impl FixedFace {
 }
 
 /// The step from `best` to the minimum of the largest `left - kappa right`, each in units of its right side at `best`,
-/// beyond no wall; that minimum, and the multipliers of cuts and walls. Nothing if the solver fails.
+/// beyond no wall; that minimum, and the multipliers of cuts and walls. Nothing where numbers are not finite.
 fn next(cuts: &[Cut], walls: &[Cut], best: &Vec3, kappa: f64, radius: f64) -> Option<(Vec3, f64, Vec<f64>)> {
-    let (mut rows, mut bounds, mut units): (Vec<[f64; 4]>, Vec<f64>, Vec<f64>) = Default::default();
+    let (mut rows, mut bounds, mut units): (Vec<Vector4<f64>>, Vec<f64>, Vec<f64>) = Default::default();
     for (index, cut) in cuts.iter().chain(walls).enumerate() {
         let is_cut = index < cuts.len();
         let unit = if is_cut { cut.right.at(best) } else { cut.left.slope.norm() };
         let slope = (cut.left.slope - cut.right.slope * kappa) / unit;
-        rows.push([slope.x, slope.y, slope.z, if is_cut { -1.0 } else { 0.0 }]);
+        rows.push(slope.push(if is_cut { -1.0 } else { 0.0 }));
         bounds.push((kappa * cut.right.at(best) - cut.left.at(best)) / unit);
         units.push(unit);
     }
     for axis in 0..3 {
         for sign in [1.0, -1.0] {
-            let mut row = [0.0; 4];
-            row[axis] = sign;
-            rows.push(row);
+            rows.push(Vector4::ith(axis, sign));
             bounds.push(radius - sign * best[axis]);
         }
     }
-    let starts = (0..=4).map(|j| j * rows.len()).collect();
-    let indices = (0..4).flat_map(|_| 0..rows.len()).collect();
-    let values = (0..4).flat_map(|j| rows.iter().map(move |row| row[j])).collect();
-    let matrix = CscMatrix::new(rows.len(), 4, starts, indices, values);
-    let cones: [SupportedConeT<f64>; 1] = [NonnegativeConeT(bounds.len())];
-    let settings = DefaultSettings {
-        verbose: false,
-        max_threads: 1,
-        tol_gap_abs: 1e-12,
-        tol_gap_rel: 1e-12,
-        tol_feas: 1e-12,
-        ..Default::default()
-    };
-    let mut solver =
-        DefaultSolver::new(&CscMatrix::zeros((4, 4)), &[0.0, 0.0, 0.0, 1.0], &matrix, &bounds, &cones, settings)
-            .ok()?;
-    solver.solve();
-    // Whatever accuracy was reached: the multipliers have to prove their bound, and the step has to lower K.
-    let usable = matches!(
-        solver.solution.status,
-        SolverStatus::Solved | SolverStatus::AlmostSolved | SolverStatus::InsufficientProgress
-    );
-    let (x, z) = (&solver.solution.x, &solver.solution.z);
-    let finite = x.iter().chain(z).all(|value| value.is_finite());
-    (usable && finite).then(|| {
-        let multipliers = z.iter().zip(units).map(|(z, unit)| z.max(0.0) / unit).collect();
-        (Vec3::new(x[0], x[1], x[2]), x[3], multipliers)
-    })
+    let (quadratic, linear) = (Matrix4::zeros(), Vector4::new(0.0, 0.0, 0.0, 1.0));
+    // Whatever accuracy is reached: the multipliers have to prove their bound, and the step has to lower K.
+    let optimum = QuadraticProgram { quadratic, linear, rows: &rows, bounds: &bounds }.solve(PROGRAM_ACCURACY);
+    let multipliers = optimum.multipliers.iter().zip(units).map(|(z, unit)| z / unit).collect();
+    optimum.residual.is_finite().then(|| (optimum.point.xyz(), optimum.point.w, multipliers))
 }
 
 /// A kappa below which, but for rounding, no point of the ball with positive determinants satisfies all inequalities; 0 if the

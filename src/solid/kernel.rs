@@ -2,13 +2,11 @@
 
 use std::collections::HashSet;
 
-use clarabel::algebra::CscMatrix;
-use clarabel::solver::{
-    DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT, SupportedConeT::NonnegativeConeT,
-};
+use nalgebra::{Matrix4, Vector4};
 
 use super::Surface;
-use crate::mesh::{Orientation, TriangleId, Vec3, View, orientation};
+use crate::linalg::QuadraticProgram;
+use crate::mesh::{Mat3, Orientation, TriangleId, Vec3, View, orientation};
 
 /// At most so many triangles are named in an error.
 pub(super) const NAMED_FACES: usize = 8;
@@ -17,10 +15,14 @@ pub(super) const NAMED_FACES: usize = 8;
 /// that counts, and above the rounding of coplanar triangles.
 const SAME_PLANE: f64 = 1e-10;
 
-/// The least radius, in units of the solid's size, at which a kernel counts: the solver's accuracy is about 1e-8.
+/// Residual of the programs solved here, in units of the solid's size; one that ends above the second is not solved.
+const ACCURACY: f64 = 1e-9;
+const WORST_ACCURACY: f64 = 1e-7;
+
+/// The least radius, in units of the solid's size, at which a kernel counts: no better than the worst accuracy.
 const LEAST_RADIUS: f64 = 1e-7;
 
-/// Planes with multipliers below this part of the largest take no part in a conflict: the solver leaves about 1e-8 there.
+/// Planes with multipliers below this part of the largest take no part in a conflict: the solver leaves far less there.
 const DECISIVE: f64 = 1e-3;
 
 /// Why a solid has no usable kernel.
@@ -54,10 +56,12 @@ pub enum KernelError {
         times: i64,
     },
     /// The solver gave up.
-    #[error("the linear program for the kernel ended with {status}; check the solid for needle-like triangles")]
+    #[error(
+        "the linear program for the kernel ended with a residual of {residual:.1e}; check the solid for needle-like triangles"
+    )]
     Solver {
-        /// Clarabel's status.
-        status: String,
+        /// By how much the conditions of optimality fail, in units of the solid's size.
+        residual: f64,
     },
 }
 
@@ -89,7 +93,7 @@ impl StarKernel {
         }
         let planes = Planes::of(surface);
         let (solution, multipliers) = planes.largest_ball()?;
-        let centre = planes.to_solid(Vec3::from_column_slice(&solution[..3]));
+        let centre = planes.to_solid(solution.xyz());
         if solution[3] <= LEAST_RADIUS {
             // Infeasibility of r > 0 is a combination of planes with positive multipliers (Farkas).
             let mut order: Vec<usize> = (0..multipliers.len()).collect();
@@ -175,48 +179,34 @@ impl Planes {
     }
 
     /// Centre and radius, and the multiplier of each plane; these sum to 1.
-    fn largest_ball(&self) -> Result<(Vec<f64>, Vec<f64>), KernelError> {
-        let matrix = self.columns(true);
-        solve(&CscMatrix::zeros((4, 4)), &[0.0, 0.0, 0.0, -1.0], &matrix, &self.offsets)
+    fn largest_ball(&self) -> Result<(Vector4<f64>, Vec<f64>), KernelError> {
+        let rows: Vec<Vector4<f64>> = self.normals.iter().map(|normal| normal.push(1.0)).collect();
+        let linear = Vector4::new(0.0, 0.0, 0.0, -1.0);
+        solve(&QuadraticProgram { quadratic: Matrix4::zeros(), linear, rows: &rows, bounds: &self.offsets })
     }
 
     fn nearest(&self, target: &Vec3, margin: f64) -> Result<Vec3, KernelError> {
         let target = (target - self.origin) / self.unit;
         // Distances beyond the solid's size say nothing but a direction, and would spoil the solver's accuracy.
         let target = target.cap_magnitude(10.0);
-        let offsets: Vec<f64> = self.offsets.iter().map(|offset| offset - margin / self.unit).collect();
-        let linear: Vec<f64> = target.iter().map(|x| -x).collect();
-        let (point, _) = solve(&CscMatrix::identity(3), &linear, &self.columns(false), &offsets)?;
-        Ok(self.to_solid(Vec3::from_column_slice(&point)))
-    }
-
-    /// The constraint matrix with a row for each plane: its normal and, if asked for, a 1.
-    fn columns(&self, with_radius: bool) -> CscMatrix<f64> {
-        let rows = self.normals.len();
-        let columns = if with_radius { 4 } else { 3 };
-        let values = (0..columns).flat_map(|j| self.normals.iter().map(move |n| if j < 3 { n[j] } else { 1.0 }));
-        let starts = (0..=columns).map(|j| j * rows).collect();
-        let row_indices = (0..columns).flat_map(|_| 0..rows).collect();
-        CscMatrix::new(rows, columns, starts, row_indices, values.collect())
+        let bounds: Vec<f64> = self.offsets.iter().map(|offset| offset - margin / self.unit).collect();
+        let (quadratic, linear, rows) = (Mat3::identity(), -target, &self.normals);
+        let (point, _) = solve(&QuadraticProgram { quadratic, linear, rows, bounds: &bounds })?;
+        Ok(self.to_solid(point))
     }
 }
 
-/// min x.P x / 2 + q.x subject to A x <= b: the solution and the multipliers.
-fn solve(
-    quadratic: &CscMatrix<f64>,
-    linear: &[f64],
-    matrix: &CscMatrix<f64>,
-    bounds: &[f64],
-) -> Result<(Vec<f64>, Vec<f64>), KernelError> {
-    let failed = |status: String| KernelError::Solver { status };
-    let cones: [SupportedConeT<f64>; 1] = [NonnegativeConeT(bounds.len())];
-    let settings = DefaultSettings { verbose: false, max_threads: 1, ..Default::default() };
-    let mut solver = DefaultSolver::new(quadratic, linear, matrix, bounds, &cones, settings)
-        .map_err(|error| failed(error.to_string()))?;
-    solver.solve();
-    match solver.solution.status {
-        SolverStatus::Solved | SolverStatus::AlmostSolved => Ok((solver.solution.x, solver.solution.z)),
-        status => Err(failed(format!("{status:?}"))),
+/// The solution and the multipliers.
+fn solve<const N: usize>(
+    program: &QuadraticProgram<'_, N>,
+) -> Result<(nalgebra::SVector<f64, N>, Vec<f64>), KernelError> {
+    let optimum = program.solve(ACCURACY);
+    // False for NaN.
+    let solved = optimum.residual <= WORST_ACCURACY;
+    if solved {
+        Ok((optimum.point, optimum.multipliers))
+    } else {
+        Err(KernelError::Solver { residual: optimum.residual })
     }
 }
 

