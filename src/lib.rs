@@ -33,8 +33,9 @@
 //! ```
 //!
 //! [`arrays::optimize`] improves a map that is there already, [`arrays::measure`] says what any program's map does, and
-//! [`arrays::bounds`] what no map of the mesh can go below. None needs the feature `cli`, which is on by default and brings config
-//! files, reports, pictures and the command line: `default-features = false` leaves those and NLopt out.
+//! [`arrays::bounds`] what no map of the mesh can go below. None needs the features that are on by default: `files`, which reads and
+//! writes meshes and calls TetGen and Gmsh, `cli` with config files, reports, pictures and the command line, and `nlopt`.
+//! `default-features = false` leaves all three out.
 //!
 //! # The problem
 //!
@@ -246,7 +247,7 @@
 //!
 //! ```
 //! use qcball::{CentreChoice, Domain, RadialCoordinates, ShellSettings, Solid, Vec3, caraman, shell_mesh, star_centre};
-//! use qcball::bound::{all, best_applicable};
+//! use qcball::bound::{BoundName, all, best_applicable};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let surface = Solid::Cube.surface()?;
@@ -258,7 +259,7 @@
 //! let bounds = all(&domain, &image, Some(centre), true);
 //!
 //! // On the smooth ball a cube's corner of solid angle pi / 2 opens to 2 pi: K_I >= 4 for every qc map with this trace.
-//! let smooth = bounds.iter().find(|bound| bound.name == "vertex-smooth").expect("a cube has corners");
+//! let smooth = bounds.iter().find(|bound| bound.name == BoundName::VertexSmooth).expect("a cube has corners");
 //! assert!((smooth.value - 4.0).abs() < 1e-12 && !smooth.applies);
 //!
 //! // Onto the inscribed polyhedron the corner opens less, and so does what is proved for this mesh.
@@ -286,7 +287,7 @@
 //!
 //! # The modules
 //!
-//! [`guide`] is text only: what the command does, a chapter a topic. The others follow in this order; outside of tests, a module uses only what stands above it. From [`picture`] on they belong to the feature `cli`.
+//! [`guide`] is text only: what the command does, a chapter a topic. The others follow in this order; outside of tests, a module uses only what stands above it. From [`picture`] on they belong to the feature `cli`; [`mesh::io`], `child` and the external meshers to `files`.
 //!
 //! | module | what it holds |
 //! |---|---|
@@ -322,6 +323,7 @@ pub mod guide;
 
 pub mod cancel;
 
+#[cfg(feature = "files")]
 mod child;
 
 #[doc(hidden)]

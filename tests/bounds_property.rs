@@ -5,7 +5,7 @@
 
 use std::time::Duration;
 
-use qcball::bound::{self, Kind, LowerBound};
+use qcball::bound::{self, BoundName, Kind, LowerBound};
 use qcball::mesh::{TetMesh, Vec3};
 use qcball::optimize::Polish;
 use qcball::{
@@ -119,7 +119,7 @@ fn no_bound_exceeds_a_random_or_an_optimized_map() {
             let found = bound::certificate::search(&domain, &start, &Cancel::default().within(Duration::from_secs(2)));
             bounds.extend(found.and_then(|found| bound::certificate::bound(&found, &domain, &start).ok()));
         }
-        certified += bounds.iter().filter(|bound| bound.name == "gram").count();
+        certified += bounds.iter().filter(|bound| bound.name == BoundName::Gram).count();
         check(&bounds, &domain, &start, case);
         for scale in [0.05, 0.3, 0.8] {
             let image = random.moved(&start, scale, |v| !fixed[v], positive);

@@ -69,7 +69,8 @@ fn a_kept_mesh_names_its_locked_tets() {
     let report = &finished.report;
     assert!(report.domain.locked > 0 && report.achieved.splits.is_none() && report.domain.tets == 384);
     let said = report.warnings.iter().find(|warning| warning.contains("are locked")).unwrap();
-    let forced = report.achieved.bounds.iter().find(|bound| bound.name == "locked").unwrap().value;
+    let forced =
+        report.achieved.bounds.iter().find(|bound| bound.name == qcball::bound::BoundName::Locked).unwrap().value;
     // Rounded down.
     let shown: f64 = said.rsplit("K >= ").next().unwrap().parse().unwrap();
     assert!(shown <= forced * (1.0 + 1e-9) && forced < shown + 1e-4, "{said}, from {forced}");

@@ -3,7 +3,7 @@
 use std::cmp::Reverse;
 
 use super::one_free_vertex::FreeVertex;
-use super::{Kind, LowerBound, Place};
+use super::{BoundName, Kind, LowerBound, Place};
 use crate::cancel::Cancel;
 use crate::domain::Domain;
 use crate::mesh::{TetId, Vec3, VertexId};
@@ -33,8 +33,7 @@ pub fn apex(domain: &Domain, image: &[Vec3], cancel: &Cancel) -> Vec<LowerBound>
         .filter_map(|kind| {
             let (value, vertex) = strongest_star(&stars, kind, cancel)?;
             Some(LowerBound::of_mesh(
-                "apex",
-                "docs of qcball::bound::apex",
+                BoundName::Apex,
                 kind,
                 value,
                 Place::vertex(domain.mesh(), vertex),

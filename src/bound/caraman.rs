@@ -1,6 +1,6 @@
 //! The bound by the number of faces that the paper quotes after Caraman 1974 (paper eq. 41).
 
-use super::{Kind, LowerBound, Scope};
+use super::{BoundName, Kind, LowerBound, Scope};
 use crate::mesh::Features;
 
 /// `K_I >= (m - 1) / (m - 3)` for quasi-conformal maps of a convex polyhedron with m >= 4 flat faces onto the ball;
@@ -15,8 +15,8 @@ pub fn caraman(features: &Features) -> Option<LowerBound> {
         return None;
     }
     Some(LowerBound {
-        name: "caraman",
-        source: "paper eq. 41, after Caraman 1974",
+        name: BoundName::Caraman,
+        source: BoundName::Caraman.source(),
         kind: Kind::Inner,
         value: ((faces as f64 - 1.0) / (faces as f64 - 3.0)).next_down(),
         scope: Scope::Shape,

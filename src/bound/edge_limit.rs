@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use super::check::{factor, three_halves_power};
-use super::{Kind, LowerBound, Place, Scope, strongest};
+use super::{BoundName, Kind, LowerBound, Place, Scope, strongest};
 use crate::domain::Domain;
 use crate::mesh::BoundaryEdges;
 use crate::mesh::angle::Angle;
@@ -21,8 +21,8 @@ pub fn edge_limit(domain: &Domain, edges: &BoundaryEdges) -> Option<LowerBound> 
     let openings = convex.map(|(angle, ends)| (factor(Angle::ZERO.plus_half_turns(1), angle), ends));
     let (ratio, ends) = strongest(openings)?;
     Some(LowerBound {
-        name: "edge-limit",
-        source: "docs of qcball::bound::edge_limit",
+        name: BoundName::EdgeLimit,
+        source: BoundName::EdgeLimit.source(),
         kind: Kind::K,
         value: three_halves_power(ratio),
         scope: Scope::ShapeFixedTrace,

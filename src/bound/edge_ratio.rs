@@ -2,7 +2,7 @@
 
 use super::boundary_image::half_turns;
 use super::check::{factor, three_halves_power};
-use super::{BoundaryImage, Kind, LowerBound, Place, strongest, with_inner_and_outer};
+use super::{BoundName, BoundaryImage, Kind, LowerBound, Place, strongest, with_inner_and_outer};
 use crate::domain::Domain;
 use crate::mesh::{BoundaryEdge, BoundaryEdges};
 
@@ -21,8 +21,7 @@ pub fn edge_ratio(domain: &Domain, edges: &BoundaryEdges, image: BoundaryImage) 
     let (ratio, ends) =
         strongest(edges.edges().iter().filter_map(|edge| Some((angle_ratio(edge, image)?, edge.ends))))?;
     Some(LowerBound::of_mesh(
-        "edge-ratio",
-        "paper eq. 42, docs of qcball::bound::edge_ratio",
+        BoundName::EdgeRatio,
         Kind::K,
         three_halves_power(ratio),
         Place::edge(domain.mesh(), ends),

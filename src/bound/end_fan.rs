@@ -7,7 +7,7 @@ use super::check::fan::{exceeds_with_ends, half_tangent};
 use super::check::free_vertex::{Limit, Term, Tet, confinement};
 use super::check::linear::stretch_ratio;
 use super::check::{accepted, three_halves_power};
-use super::{BoundaryImage, Kind, LowerBound, Place};
+use super::{BoundName, BoundaryImage, Kind, LowerBound, Place};
 use crate::domain::Domain;
 use crate::linalg::interval::Interval;
 use crate::linalg::svd;
@@ -69,8 +69,7 @@ pub fn end_fan(domain: &Domain, edges: &BoundaryEdges, image: BoundaryImage) -> 
         }
     }
     Some(LowerBound::of_mesh(
-        "end-fan",
-        "docs of qcball::bound::end_fan",
+        BoundName::EndFan,
         Kind::K,
         best,
         Place::edge(domain.mesh(), ends?),

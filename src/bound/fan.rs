@@ -3,7 +3,7 @@
 use super::boundary_image::half_turns;
 use super::check::fan::{exceeds, half_tangent};
 use super::check::three_halves_power;
-use super::{BoundaryImage, Kind, LowerBound, Place, with_inner_and_outer};
+use super::{BoundName, BoundaryImage, Kind, LowerBound, Place, with_inner_and_outer};
 use crate::domain::Domain;
 use crate::linalg::interval::Interval;
 use crate::mesh::angle::Angle;
@@ -35,8 +35,7 @@ pub fn fan(domain: &Domain, edges: &BoundaryEdges, image: BoundaryImage) -> Opti
         }
     }
     Some(LowerBound::of_mesh(
-        "fan",
-        "docs of qcball::bound::fan",
+        BoundName::Fan,
         Kind::K,
         three_halves_power(best),
         Place::edge(domain.mesh(), ends?),

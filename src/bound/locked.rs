@@ -1,6 +1,6 @@
 //! Tets whose four vertices are fixed.
 
-use super::{Kind, LowerBound, Place, check, strongest};
+use super::{BoundName, Kind, LowerBound, Place, check, strongest};
 use crate::domain::Domain;
 use crate::mesh::{TetMesh, Vec3};
 
@@ -22,8 +22,7 @@ pub fn locked(domain: &Domain, image: &[Vec3]) -> Option<LowerBound> {
     let (value, tet) = strongest(values)?;
     let corners = domain.mesh().tets()[tet.index()];
     Some(LowerBound::of_mesh(
-        "locked",
-        "docs of qcball::bound::locked",
+        BoundName::Locked,
         Kind::K,
         value,
         Place::face(domain.mesh(), TetMesh::FACES[3].map(|i| corners[i])),

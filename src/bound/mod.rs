@@ -31,6 +31,7 @@ mod edge_ratio;
 mod end_fan;
 mod fan;
 mod locked;
+mod name;
 mod one_free_vertex;
 mod trace;
 mod trace_smooth;
@@ -43,7 +44,7 @@ mod exact;
 #[cfg(test)]
 mod tests;
 
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Serialize};
 
 pub use apex::apex;
 pub use boundary_image::BoundaryImage;
@@ -54,6 +55,7 @@ pub use edge_ratio::edge_ratio;
 pub use end_fan::end_fan;
 pub use fan::fan;
 pub use locked::locked;
+pub use name::{BoundName, Source};
 pub use trace::trace;
 pub use trace_smooth::trace_smooth;
 pub use vertex::vertex;
@@ -119,13 +121,11 @@ impl Scope {
 /// A lower bound.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct LowerBound {
-    /// Short fixed name, e.g. `"vertex"`.
-    #[serde(deserialize_with = "known_name")]
-    pub name: Known,
-    /// Where it is stated: the docs of its function here, with the proof, or an equation of the paper; e.g.
-    /// `"docs of qcball::bound::vertex"`, `"paper eq. 44"`.
-    #[serde(deserialize_with = "known_source")]
-    pub source: Known,
+    /// Which theorem it is.
+    pub name: BoundName,
+    /// Where that is stated: [`BoundName::source`].
+    #[serde(deserialize_with = "name::known_source")]
+    pub source: Source,
     /// Which dilatation it bounds.
     pub kind: Kind,
     /// The bound, >= 1 and finite.
@@ -142,56 +142,12 @@ pub struct LowerBound {
     pub place: Option<Place>,
 }
 
-/// A text that this version knows. By this name, since serde would borrow a `&'static str` from what it reads.
-pub type Known = &'static str;
-
-/// Every bound there is: its name and its source.
-const KNOWN: [(&str, &str); 14] = [
-    ("locked", "docs of qcball::bound::locked"),
-    ("trace", "docs of qcball::bound::trace"),
-    ("edge-ratio", "paper eq. 42, docs of qcball::bound::edge_ratio"),
-    ("fan", "docs of qcball::bound::fan"),
-    ("end-fan", "docs of qcball::bound::end_fan"),
-    ("vertex", "docs of qcball::bound::vertex"),
-    ("apex", "docs of qcball::bound::apex"),
-    ("gram", "docs of qcball::bound::certificate"),
-    ("wedge", "paper eq. 39, 44"),
-    ("caraman", "paper eq. 41, after Caraman 1974"),
-    ("vertex-smooth", "docs of qcball::bound::vertex_smooth"),
-    ("trace-smooth", "docs of qcball::bound::trace_smooth"),
-    ("trace-smooth-c1", "docs of qcball::bound::trace_smooth"),
-    ("edge-limit", "docs of qcball::bound::edge_limit"),
-];
-
-fn known_name<'de, D: Deserializer<'de>>(deserializer: D) -> Result<&'static str, D::Error> {
-    known(deserializer, KNOWN.map(|(name, _)| name))
-}
-
-fn known_source<'de, D: Deserializer<'de>>(deserializer: D) -> Result<&'static str, D::Error> {
-    known(deserializer, KNOWN.map(|(_, source)| source))
-}
-
-fn known<'de, D: Deserializer<'de>>(
-    deserializer: D,
-    all: [&'static str; KNOWN.len()],
-) -> Result<&'static str, D::Error> {
-    let given = String::deserialize(deserializer)?;
-    let found = all.into_iter().find(|known| *known == given);
-    found.ok_or_else(|| serde::de::Error::custom(format!("{given:?} is of no bound that this version knows")))
-}
-
 impl LowerBound {
     /// A proved bound of scope [`Scope::MeshFixedBoundary`], the scope of what is measured.
-    fn of_mesh(
-        name: &'static str,
-        source: &'static str,
-        kind: Kind,
-        value: f64,
-        place: Place,
-        reason: impl Into<String>,
-    ) -> Self {
+    fn of_mesh(name: BoundName, kind: Kind, value: f64, place: Place, reason: impl Into<String>) -> Self {
         let (scope, certified, applies) = (Scope::MeshFixedBoundary, true, true);
-        Self { name, source, kind, value, scope, certified, applies, reason: reason.into(), place: Some(place) }
+        let (source, reason, place) = (name.source(), reason.into(), Some(place));
+        Self { name, source, kind, value, scope, certified, applies, reason, place }
     }
 }
 

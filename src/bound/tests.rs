@@ -49,7 +49,7 @@ fn radial(domain: &Domain) -> Vec<Vec3> {
 }
 
 fn value(bounds: &[LowerBound], name: &str) -> f64 {
-    bounds.iter().filter(|bound| bound.name == name).map(|bound| bound.value).fold(f64::NAN, f64::max)
+    bounds.iter().filter(|bound| bound.name.as_str() == name).map(|bound| bound.value).fold(f64::NAN, f64::max)
 }
 
 #[test]

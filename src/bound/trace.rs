@@ -1,7 +1,7 @@
 //! The trace bound: triangles whose three vertices are fixed.
 
 use super::check::{self, three_halves_power};
-use super::{Kind, LowerBound, Place, strongest, with_inner_and_outer};
+use super::{BoundName, Kind, LowerBound, Place, strongest, with_inner_and_outer};
 use crate::domain::Domain;
 use crate::mesh::{TetMesh, Vec3};
 
@@ -28,8 +28,7 @@ pub fn trace(domain: &Domain, image: &[Vec3]) -> Option<LowerBound> {
     });
     let (ratio, triangle) = strongest(ratios)?;
     Some(LowerBound::of_mesh(
-        "trace",
-        "docs of qcball::bound::trace",
+        BoundName::Trace,
         Kind::K,
         three_halves_power(ratio),
         Place::face(mesh, triangle),

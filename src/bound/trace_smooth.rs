@@ -1,7 +1,7 @@
 //! The trace bound of the smooth problem with the radial boundary values.
 
 use super::check::{linear::slant, three_halves_power};
-use super::{Kind, LowerBound, Place, Scope, strongest};
+use super::{BoundName, Kind, LowerBound, Place, Scope, strongest};
 use crate::domain::Domain;
 use crate::mesh::{Vec3, VertexId};
 
@@ -34,9 +34,9 @@ pub fn trace_smooth(domain: &Domain, centre: Vec3) -> Vec<LowerBound> {
     let Some((ratio, triangle)) = strongest(ratios) else {
         return Vec::new();
     };
-    let bound = |name, value, certified, reason: &str| LowerBound {
+    let bound = |name: BoundName, value, certified, reason: &str| LowerBound {
         name,
-        source: "docs of qcball::bound::trace_smooth",
+        source: name.source(),
         kind: Kind::K,
         value,
         scope: Scope::ShapeFixedTrace,
@@ -47,13 +47,13 @@ pub fn trace_smooth(domain: &Domain, centre: Vec3) -> Vec<LowerBound> {
     };
     vec![
         bound(
-            "trace-smooth",
+            BoundName::TraceSmooth,
             ratio,
             true,
             "bounds K_I and K_O of maps onto the smooth ball; the measured image is a polyhedron inscribed in it",
         ),
         bound(
-            "trace-smooth-c1",
+            BoundName::TraceSmoothC1,
             three_halves_power(ratio),
             false,
             "proved only for maps that are C^1 up to the boundary; a conjecture for others",

@@ -2,7 +2,7 @@
 
 use super::boundary_image::half_turns;
 use super::check::factor;
-use super::{BoundaryImage, Kind, LowerBound, Place, strongest};
+use super::{BoundName, BoundaryImage, Kind, LowerBound, Place, strongest};
 use crate::domain::Domain;
 use crate::mesh::angle::{Angle, tet_solid_angle};
 use crate::mesh::{BoundaryEdges, VertexId};
@@ -38,8 +38,7 @@ pub fn vertex(domain: &Domain, edges: &BoundaryEdges, image: BoundaryImage) -> V
             bounds.iter().filter(|bound| wanted(bound.0)).map(|&(kind, value, vertex)| (value, (kind, vertex)));
         let (value, (kind, vertex)) = strongest(candidates)?;
         Some(LowerBound::of_mesh(
-            "vertex",
-            "docs of qcball::bound::vertex",
+            BoundName::Vertex,
             kind,
             value,
             Place::vertex(domain.mesh(), vertex),

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use super::check::factor;
 use super::vertex::domain_solid_angles;
-use super::{Kind, LowerBound, Place, Scope, strongest};
+use super::{BoundName, Kind, LowerBound, Place, Scope, strongest};
 use crate::domain::Domain;
 use crate::mesh::VertexId;
 use crate::mesh::angle::Angle;
@@ -31,8 +31,8 @@ pub fn vertex_smooth(domain: &Domain) -> Vec<LowerBound> {
             vertices.filter(|&(_, angle)| wanted(angle)).map(|(vertex, angle)| (factor(half_space, angle), vertex));
         let (value, vertex) = strongest(candidates.filter(|&(value, _)| value > 1.0 && value.is_finite()))?;
         Some(LowerBound {
-            name: "vertex-smooth",
-            source: "docs of qcball::bound::vertex_smooth",
+            name: BoundName::VertexSmooth,
+            source: BoundName::VertexSmooth.source(),
             kind,
             value,
             scope: Scope::ShapeFixedTrace,

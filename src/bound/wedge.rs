@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use super::check::factor;
-use super::{Kind, LowerBound, Place, Scope, strongest};
+use super::{BoundName, Kind, LowerBound, Place, Scope, strongest};
 use crate::domain::Domain;
 use crate::mesh::BoundaryEdges;
 use crate::mesh::angle::Angle;
@@ -27,8 +27,8 @@ pub fn wedge(domain: &Domain, edges: &BoundaryEdges) -> Option<LowerBound> {
     let openings = convex.map(|(angle, ends)| (factor(Angle::ZERO.plus_half_turns(1), angle), ends));
     let (value, ends) = strongest(openings)?;
     Some(LowerBound {
-        name: "wedge",
-        source: "paper eq. 39, 44",
+        name: BoundName::Wedge,
+        source: BoundName::Wedge.source(),
         kind: Kind::Inner,
         value,
         scope: Scope::Shape,

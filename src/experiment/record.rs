@@ -3,7 +3,7 @@
 use super::ACTIVE;
 use super::start::Start;
 use crate::bound::certificate::{self, Certificate};
-use crate::bound::{self, LowerBound, Scope};
+use crate::bound::{self, BoundName, LowerBound, Scope};
 use crate::cancel::Cancel;
 use crate::config::ConfigSource;
 use crate::dilatation::lower_bound;
@@ -100,7 +100,7 @@ fn speaks_of_warped(bound: &mut LowerBound, domain: &Domain, corners: &Corners) 
     let around =
         domain.mesh().tets().iter().zip(corners.of_tets()).filter(|(tet, _)| ends.iter().all(|v| tet.contains(v)));
     let mut cones = around.filter_map(|(_, cone)| cone.map(|cone| corners.cones()[cone as usize].corner));
-    let holds = matches!(bound.name, "edge-ratio" | "fan") && cones.all(radial);
+    let holds = matches!(bound.name, BoundName::EdgeRatio | BoundName::Fan) && cones.all(radial);
     bound.reason = "any map of this mesh with these boundary positions, PL but for powers at the corners".into();
     holds
 }
@@ -181,7 +181,7 @@ fn locked_warning(domain: &Domain, bounds: &[LowerBound]) -> Option<String> {
     /// More of them would not be read.
     const NAMED: usize = 8;
     let locked: Vec<u32> = domain.locked_tets().map(|tet| tet.0).collect();
-    let forced = bounds.iter().find(|bound| bound.name == "locked")?;
+    let forced = bounds.iter().find(|bound| bound.name == BoundName::Locked)?;
     let named: Vec<String> = locked.iter().take(NAMED).map(u32::to_string).collect();
     Some(format!(
         "{} tets are locked, all their vertices being on the boundary: {}{}; whatever the inside does, they force K >= {}",

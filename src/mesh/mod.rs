@@ -9,6 +9,7 @@ mod features;
 #[cfg(test)]
 pub(crate) mod fixtures;
 mod full_boundary;
+#[cfg(feature = "files")]
 pub mod io;
 mod mirrors;
 mod place;

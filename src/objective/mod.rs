@@ -9,6 +9,7 @@ mod barrier;
 mod capped_mean;
 mod element;
 mod extremes;
+mod gather;
 mod iterate;
 mod opening;
 mod primal_dual;

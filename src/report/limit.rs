@@ -133,12 +133,12 @@ fn place_in_words(place: &Place) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bound::Kind;
+    use crate::bound::{BoundName, Kind};
 
     fn bound(scope: Scope, value: f64) -> LowerBound {
         let applies = scope == Scope::MeshFixedBoundary;
         LowerBound {
-            name: "apex",
+            name: BoundName::Apex,
             source: "a test",
             kind: Kind::K,
             value,

@@ -1,5 +1,5 @@
 use super::*;
-use crate::bound::{Kind, LowerBound, Scope};
+use crate::bound::{BoundName, Kind, LowerBound, Scope};
 use crate::domain::Domain;
 use crate::measure::{bottleneck, measure};
 use crate::mesh::{TetId, TetMesh, Vec3, VertexId};
@@ -24,7 +24,7 @@ const TIMES: Times =
 fn bound(value: f64, applies: bool, certified: bool) -> LowerBound {
     let reason = "the boundary is fixed".into();
     LowerBound {
-        name: "vertex",
+        name: BoundName::Vertex,
         source: "a test",
         kind: Kind::Outer,
         value,

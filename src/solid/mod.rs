@@ -1,6 +1,7 @@
 //! What a domain can come from: closed triangle surfaces, read or generated, and their star centres.
 
 mod centre;
+#[cfg(feature = "files")]
 mod external;
 mod faces;
 mod flag;
@@ -25,6 +26,7 @@ mod surface;
 mod voxelize;
 
 pub use centre::{CentreChoice, CentreError, StarCentre, star_centre};
+#[cfg(feature = "files")]
 pub use external::{ExternalError, ExternalMesher, ExternalSettings, Sizing, check_filled, external_mesh};
 pub use flag::{Flag, FlagError, FlagMesh, FlagSettings, flag_mesh};
 pub use generate::{Solid, SolidError};

@@ -81,7 +81,7 @@ use serde::{Deserialize, Serialize};
 
 pub use search::{search, search_on};
 
-use super::{Kind, LowerBound};
+use super::{BoundName, Kind, LowerBound};
 use crate::domain::Domain;
 use crate::mesh::{Place, TetId, Vec3, VertexId};
 use check::{Checker, Region, Wall};
@@ -315,5 +315,5 @@ pub fn bound(certificate: &Certificate, domain: &Domain, image: &[Vec3]) -> Resu
     let maps = if certificate.is_oriented() { "any orientation-preserving PL map" } else { "any PL map" };
     let reason =
         format!("{maps} of this mesh with these boundary positions; certificate on {} tets", certificate.tets.len());
-    Ok(LowerBound::of_mesh("gram", "docs of qcball::bound::certificate", Kind::K, value, place, reason))
+    Ok(LowerBound::of_mesh(BoundName::Gram, Kind::K, value, place, reason))
 }

@@ -146,7 +146,7 @@ fn a_certificate_survives_its_file_and_needs_no_interior_positions() {
     inside.for_each(|v| image[v] = Vec3::repeat(f64::NAN));
     assert_eq!(check(&read, &domain, &image), Ok(certificate.level));
     let bound = bound(&read, &domain, &image).unwrap();
-    assert_eq!((bound.name, bound.value), ("gram", certificate.level));
+    assert_eq!((bound.name, bound.value), (BoundName::Gram, certificate.level));
     assert!(bound.place.is_some());
 }
 

@@ -455,7 +455,7 @@ fn ladder(report: &Report) -> Chart {
 fn bounds_table(bounds: &[LowerBound]) -> String {
     let row = |bound: &LowerBound| {
         let [name, scope, reason, source] =
-            [bound.name, bound.scope.in_words(), bound.reason.as_str(), bound.source].map(text);
+            [bound.name.as_str(), bound.scope.in_words(), bound.reason.as_str(), bound.source].map(text);
         let yes = |yes: bool| if yes { "yes" } else { "no" };
         format!(
             "<tr><td>{name}</td><td>{} &ge; {}</td><td>{}</td><td>{}</td><td>{scope}; {reason}</td><td>{source}</td></tr>\n",
