@@ -80,7 +80,8 @@ pub struct OptimizeSettings {
     pub engine: Engine,
     /// What follows a settled [`Objective::Max`].
     pub polish: Polish,
-    /// How far [`Polish::Mean`] may let max K rise, relative, > 0. Default: 2e-4. With 1e-3 the mean falls little further on solids with
+    /// How far [`Polish::Mean`] may let max K rise, relative, > 0; from 0.01 on it begins with the iterate of least mean so far that lies
+    /// below that. Default: 2e-4. With 1e-3 the mean falls little further on solids with
     /// fixed boundary values (cube-10k 2.564 instead of 2.57), but max K then lies above that of peers that stop 5e-4 above ours.
     pub rise: f64,
     /// Whether the boundary slides.
@@ -303,7 +304,7 @@ fn optimize_unknowns(
             if end == PhaseEnd::Interrupted {
                 stop = recorder.interruption();
             }
-            image = lowered.unwrap_or(image);
+            image = lowered;
         }
         if let Polish::Lexicographic { levels } = settings.polish
             && end == PhaseEnd::Converged

@@ -33,17 +33,16 @@ const TOLERANCE: f64 = 2e-4;
 /// Shares of the way from the start to the end that are tried until no K is above the cap.
 const SHARES: [f64; 8] = [1.0, 0.98, 0.95, 0.9, 0.8, 0.6, 0.4, 0.2];
 
-/// Lowers the mean of the best map under a cap on K, which lies above its largest by `rise` relative to it, to what goes with
-/// this tolerance in ln K; the positions, or `None` if none are better.
+/// Lowers the mean of the map of least mean under a cap on K, which lies above the least largest by `rise` relative to it, to what
+/// goes with this tolerance in ln K; the positions.
 pub(super) fn lower_mean(
     assembly: &mut Assembly<'_>,
     rise: f64,
     tolerance: f64,
     recorder: &mut Recorder<'_>,
-) -> Result<(PhaseEnd, Option<Vec<Vec3>>), SparseError> {
+) -> Result<(PhaseEnd, Vec<Vec3>), SparseError> {
     let cap = recorder.best_k * (1.0 + rise);
-    let mean_before = recorder.mean_of_best;
-    let start = recorder.best.clone();
+    let (mean_before, start) = recorder.start_below(cap);
     let mut iterate = assembly.at(start.clone());
     let end = if assembly.free().len() > MOST_DIRECT {
         barrier(assembly, &mut iterate, cap.ln(), tolerance, recorder)
@@ -66,10 +65,10 @@ pub(super) fn lower_mean(
         let turned = assembly.turned_triangle(trial.image()).is_some();
         if dilatations().all(|k| k <= cap) && mean <= mean_before && !turned {
             recorder.record("mean", mean.ln(), share, &trial);
-            return Ok((end, Some(trial.into_image())));
+            return Ok((end, trial.into_image()));
         }
     }
-    Ok((end, None))
+    Ok((end, start))
 }
 
 /// Minimises the sum of K_I + K_O (up to terms of order 1) under K <= exp(cap) for every tet, from `iterate` inside the cap.

@@ -1,10 +1,11 @@
 //! What every engine reports its iterates to.
 
+use std::collections::BTreeMap;
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
-use super::{OptimizeSettings, StopReason, TraceRow};
+use super::{Objective, OptimizeSettings, Polish, StopReason, TraceRow};
 use crate::cancel::Cancel;
 use crate::dilatation::Dilatation;
 use crate::mesh::{TetId, Vec3};
@@ -23,6 +24,53 @@ pub(super) enum PhaseEnd {
     Converged,
     NoProgress,
     Interrupted,
+}
+
+/// Least relative rise of the largest K for which earlier iterates are kept: below it the last one is as good a start for the mean.
+const WORTH_KEEPING: f64 = 0.01;
+/// Part of the room below a cap that a start may use up, so that it lies inside.
+const BELOW_CAP: f64 = 0.95;
+/// Steps of the largest K, up to what it may rise to, for each of which the iterate of least mean is kept.
+const LEVELS: f64 = 16.0;
+
+/// Iterates from which the mean may be lowered: the one of least mean for each level of the largest K.
+///
+/// On its way down the largest K first takes the mean with it, and then, from some point on, costs more and more of it.
+struct Candidates {
+    /// ln(1 + rise).
+    room: f64,
+    /// By the level: ln K in units of the room's part.
+    of_level: BTreeMap<i64, Candidate>,
+}
+
+struct Candidate {
+    max_k: f64,
+    mean_k: f64,
+    image: Vec<Vec3>,
+}
+
+impl Candidates {
+    fn new(settings: &OptimizeSettings) -> Option<Self> {
+        let wanted = settings.objective == Objective::Max && settings.polish == Polish::Mean;
+        let (room, of_level) = (settings.rise.ln_1p(), BTreeMap::new());
+        (wanted && settings.rise >= WORTH_KEEPING).then_some(Self { room, of_level })
+    }
+
+    fn offer(&mut self, max_k: f64, mean_k: f64, image: &[Vec3], best_k: f64) {
+        let level = |k: f64| (k.ln() / self.room * LEVELS) as i64;
+        let highest = level(best_k) + LEVELS as i64;
+        self.of_level.split_off(&(highest + 1));
+        // False for what is not finite.
+        let is_low = max_k.ln() < highest as f64 * self.room / LEVELS;
+        if is_low && self.of_level.get(&level(max_k)).is_none_or(|kept| mean_k < kept.mean_k) {
+            self.of_level.insert(level(max_k), Candidate { max_k, mean_k, image: image.to_vec() });
+        }
+    }
+
+    fn least_mean(&self, highest_k: f64) -> Option<&Candidate> {
+        let low = self.of_level.values().filter(|candidate| candidate.max_k <= highest_k);
+        low.min_by(|a, b| a.mean_k.total_cmp(&b.mean_k))
+    }
 }
 
 /// How far a minimax solution is from stationary: the Karush-Kuhn-Tucker conditions of min t subject to 3 |l_i| <= t.
@@ -69,7 +117,8 @@ pub(super) struct Recorder<'a> {
     pub(super) rows: Vec<TraceRow>,
     pub(super) best: Vec<Vec3>,
     pub(super) best_k: f64,
-    pub(super) mean_of_best: f64,
+    mean_of_best: f64,
+    candidates: Option<Candidates>,
     /// See [`Outcome::multipliers`](super::Outcome::multipliers), one entry a constraint.
     pub(super) multipliers: Vec<(TetId, f64)>,
     /// See [`TraceRow::progress`]; set by the phases.
@@ -93,6 +142,7 @@ impl<'a> Recorder<'a> {
             best: start.image().to_vec(),
             best_k: f64::INFINITY,
             mean_of_best: f64::INFINITY,
+            candidates: Candidates::new(settings),
             multipliers: Vec::new(),
             progress: 0.0,
         };
@@ -117,6 +167,16 @@ impl<'a> Recorder<'a> {
                     self.dilatations[t.index()] = dilatation;
                 }
             }
+        }
+    }
+
+    /// The mean of the iterate of least mean whose largest K lies a little below a cap, and that iterate; the best one, if no other was
+    /// kept.
+    pub(super) fn start_below(&self, cap: f64) -> (f64, Vec<Vec3>) {
+        let below = self.best_k + (cap - self.best_k) * BELOW_CAP;
+        match self.candidates.as_ref().and_then(|candidates| candidates.least_mean(below)) {
+            Some(candidate) if candidate.mean_k < self.mean_of_best => (candidate.mean_k, candidate.image.clone()),
+            _ => (self.mean_of_best, self.best.clone()),
         }
     }
 
@@ -153,6 +213,9 @@ impl<'a> Recorder<'a> {
             self.mean_of_best = mean_k;
             self.best.clear();
             self.best.extend_from_slice(&self.image);
+        }
+        if let Some(candidates) = &mut self.candidates {
+            candidates.offer(max_k, mean_k, &self.image, self.best_k);
         }
         let row = TraceRow {
             phase: phase.into(),
