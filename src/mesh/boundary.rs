@@ -45,15 +45,50 @@ pub enum TopologyError {
         vertex: u32,
     },
     /// The tets fall apart into several face-connected pieces.
-    #[error("the mesh has {count} pieces that are not joined through triangles; keep one")]
+    #[error(
+        "the mesh has {count} pieces that are not joined through triangles, the smallest of {tets} tets, tet {tet} one of them; keep one"
+    )]
     Disconnected {
         /// Number of face-connected pieces.
         count: usize,
+        /// Tets of the smallest piece.
+        tets: usize,
+        /// The first of these, counted from 0.
+        tet: u32,
     },
-    /// The boundary or the whole has the wrong Euler characteristic.
+    /// The boundary surface touches itself at a vertex.
+    #[error(
+        "the boundary touches itself at vertex {vertex}: {sheets} sheets meet there; split the vertex or fill the gap beside it"
+    )]
+    PinchedVertex {
+        /// The vertex.
+        vertex: u32,
+        /// How many fans of boundary triangles it has.
+        sheets: usize,
+    },
+    /// The boundary has more than one piece.
+    #[error(
+        "the boundary has {count} separate pieces, the smallest of {triangles} triangles, vertex {vertex} on it: the solid has a cavity, \
+         and a ball has none; fill it"
+    )]
+    Cavity {
+        /// Number of pieces.
+        count: usize,
+        /// Triangles of the smallest piece.
+        triangles: usize,
+        /// The first vertex of these.
+        vertex: u32,
+    },
+    /// The boundary is a surface of higher genus.
+    #[error("the boundary has {handles} handle{s}, like a torus, and a ball has none; fill the hole{s}", s = if *handles == 1 { "" } else { "s" })]
+    Handles {
+        /// How many.
+        handles: i64,
+    },
+    /// The boundary is a sphere, and the whole has the wrong Euler characteristic.
     #[error(
         "the mesh is not a ball: Euler characteristic {solid} (a ball has 1), of its boundary {boundary} (a sphere has 2); \
-         handles, cavities or pinched vertices are the usual cause"
+         tets that touch one another inside at an edge or a vertex alone are the usual cause"
     )]
     NotABall {
         /// Euler characteristic of the mesh.
@@ -187,28 +222,68 @@ impl Boundary {
         for pair in faces.windows(2).filter(|pair| pair[0].0 == pair[1].0) {
             pieces.join(pair[0].1, pair[1].1);
         }
-        if pieces.count() > 1 {
-            return Err(TopologyError::Disconnected { count: pieces.count() });
+        if let Some((tets, tet)) = pieces.smallest() {
+            return Err(TopologyError::Disconnected { count: pieces.count(), tets, tet });
         }
         edges.par_sort_unstable();
         edges.dedup();
         let face_count = (faces.len() + self.triangles.len()) / 2;
         let solid = mesh.points().len() as i64 - edges.len() as i64 + face_count as i64 - mesh.tets().len() as i64;
 
-        let mut rim: HashMap<[u32; 2], usize> = HashMap::new();
-        for triangle in &self.triangles {
-            for i in 0..3 {
-                let (a, b) = (triangle[i].0, triangle[(i + 1) % 3].0);
-                *rim.entry([a.min(b), a.max(b)]).or_default() += 1;
-            }
+        let rim = self.edges();
+        if let Some(edge) = rim.chunk_by(|a, b| a.0 == b.0).find(|triangles| triangles.len() != 2) {
+            return Err(TopologyError::BoundaryEdge { edge: edge[0].0, count: edge.len() });
         }
-        if let Some((&edge, &count)) = rim.iter().filter(|&(_, &count)| count != 2).min() {
-            return Err(TopologyError::BoundaryEdge { edge, count });
-        }
+        self.check_sheets(&rim)?;
         let on_boundary = self.contains.iter().filter(|&&on| on).count();
-        let boundary = on_boundary as i64 - rim.len() as i64 + self.triangles.len() as i64;
+        let boundary = on_boundary as i64 - rim.len() as i64 / 2 + self.triangles.len() as i64;
+        if boundary < 2 {
+            return Err(TopologyError::Handles { handles: (2 - boundary) / 2 });
+        }
         if solid != 1 || boundary != 2 {
             return Err(TopologyError::NotABall { solid, boundary });
+        }
+        Ok(())
+    }
+}
+
+impl Boundary {
+    /// The edges of the boundary triangles with the triangle and the corners there of their ends; those of one edge side by side.
+    fn edges(&self) -> Vec<([u32; 2], usize, [usize; 2])> {
+        let mut edges = Vec::with_capacity(3 * self.triangles.len());
+        for (index, triangle) in self.triangles.iter().enumerate() {
+            for (i, j) in [(0, 1), (1, 2), (2, 0)] {
+                let [low, high] = if triangle[i] < triangle[j] { [i, j] } else { [j, i] };
+                edges.push(([triangle[low].0, triangle[high].0], index, [low, high]));
+            }
+        }
+        edges.par_sort_unstable();
+        edges
+    }
+
+    /// That the boundary triangles are one piece, and that those of each vertex are one fan.
+    fn check_sheets(&self, edges: &[([u32; 2], usize, [usize; 2])]) -> Result<(), TopologyError> {
+        let mut pieces = DisjointSets::new(self.triangles.len());
+        let mut corners = DisjointSets::new(3 * self.triangles.len());
+        for pair in edges.chunks_exact(2) {
+            let [(_, first, of_first), (_, second, of_second)] = [pair[0], pair[1]];
+            pieces.join(first as u32, second as u32);
+            for (one, other) in of_first.into_iter().zip(of_second) {
+                corners.join((3 * first + one) as u32, (3 * second + other) as u32);
+            }
+        }
+        let mut sheets = vec![0; self.contains.len()];
+        for corner in 0..3 * self.triangles.len() {
+            if corners.root(corner as u32) == corner as u32 {
+                sheets[self.triangles[corner / 3][corner % 3].index()] += 1;
+            }
+        }
+        if let Some(vertex) = sheets.iter().position(|&sheets| sheets > 1) {
+            return Err(TopologyError::PinchedVertex { vertex: vertex as u32, sheets: sheets[vertex] });
+        }
+        if let Some((triangles, triangle)) = pieces.smallest() {
+            let vertex = self.triangles[triangle as usize][0].0;
+            return Err(TopologyError::Cavity { count: pieces.count(), triangles, vertex });
         }
         Ok(())
     }
@@ -263,6 +338,19 @@ impl DisjointSets {
     pub(crate) fn count(&self) -> usize {
         self.count
     }
+
+    /// How many belong to the smallest of several sets, and the first of them; the first of equally small sets.
+    fn smallest(&mut self) -> Option<(usize, u32)> {
+        if self.count < 2 {
+            return None;
+        }
+        let mut sizes = vec![0; self.parent.len()];
+        for a in 0..self.parent.len() {
+            sizes[self.root(a as u32) as usize] += 1;
+        }
+        // Roots are the first of their sets.
+        (0..).zip(sizes).filter(|&(_, size)| size > 0).map(|(root, size)| (size, root)).min()
+    }
 }
 
 #[cfg(test)]
@@ -308,6 +396,52 @@ mod tests {
         let tets = vec![[0, 1, 2, 3].map(VertexId), [0, 5, 4, 6].map(VertexId)];
         let mesh = TetMesh::from_either_orientation(points, tets).unwrap().0;
         let boundary = Boundary::of(&mesh).unwrap();
-        assert_eq!(boundary.check_ball(&mesh), Err(TopologyError::Disconnected { count: 2 }));
+        assert_eq!(boundary.check_ball(&mesh), Err(TopologyError::Disconnected { count: 2, tets: 1, tet: 0 }));
+    }
+
+    /// The cubes of an n x n x n grid that are wanted, six tets each.
+    fn cubes(n: usize, wanted: impl Fn([usize; 3]) -> bool) -> TetMesh {
+        let place = |[i, j, k]: [usize; 3]| ((i * (n + 1) + j) * (n + 1) + k) as u32;
+        let mut tets = Vec::new();
+        let mut used = std::collections::BTreeMap::new();
+        for cube in (0..n.pow(3)).map(|c| [c / n / n, c / n % n, c % n]).filter(|cube| wanted(*cube)) {
+            for axes in [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [2, 1, 0], [1, 0, 2]] {
+                let mut corner = cube;
+                let mut tet = vec![corner];
+                for axis in axes {
+                    corner[axis] += 1;
+                    tet.push(corner);
+                }
+                tets.push([0, 1, 2, 3].map(|i| {
+                    let next = used.len() as u32;
+                    VertexId(used.entry(place(tet[i])).or_insert((next, tet[i])).0)
+                }));
+            }
+        }
+        let mut points = vec![Vec3::zeros(); used.len()];
+        for (v, corner) in used.into_values() {
+            points[v as usize] = Vec3::from(corner.map(|x| x as f64));
+        }
+        TetMesh::from_either_orientation(points, tets).unwrap().0
+    }
+
+    #[test]
+    fn what_is_no_ball_is_told_by_its_kind_and_place() {
+        let check = |wanted: fn([usize; 3]) -> bool| {
+            let mesh = cubes(3, wanted);
+            (Boundary::of(&mesh).unwrap().check_ball(&mesh), mesh)
+        };
+        assert_eq!(check(|_| true).0, Ok(()));
+        // A cube of two triangles a side, left out in the middle.
+        let (error, mesh) = check(|cube| cube != [1; 3]);
+        let Err(TopologyError::Cavity { count: 2, triangles: 12, vertex }) = error else { panic!("{error:?}") };
+        assert!(mesh.points()[vertex as usize].iter().all(|&x| x == 1.0 || x == 2.0));
+        assert_eq!(check(|[i, j, _]| [i, j] != [1, 1]).0, Err(TopologyError::Handles { handles: 1 }));
+        // A row of cubes whose last one touches the first at a corner, far from the cubes between.
+        let row = [[1, 1, 1], [0, 1, 1], [0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3], [2, 2, 3], [2, 2, 2]];
+        let mesh = cubes(4, |cube| row.contains(&cube));
+        let error = Boundary::of(&mesh).unwrap().check_ball(&mesh);
+        let Err(TopologyError::PinchedVertex { vertex, sheets: 2 }) = error else { panic!("{error:?}") };
+        assert_eq!(mesh.points()[vertex as usize], Vec3::repeat(2.0));
     }
 }
