@@ -60,4 +60,5 @@ TEXT
     done
 } > "$runs/table.md"
 cp "$runs/table.md" results/brain/table.md
+"$qcball" picture "$runs/pial/domain.vtu" "$runs/pial/image.vtu" results/pictures/brain.png
 echo results/brain/table.md
