@@ -180,3 +180,40 @@ fn a_collar_stays_within_its_budget() {
     assert!(collared.domain.tets as f64 <= 1.5 * without.domain.tets as f64);
     assert!(collared.domain.tets > without.domain.tets);
 }
+
+/// Rays from the middle of this rod to its corners meet its sides at arcsin(1 / sqrt(402)), 2.86 degrees: it is star-shaped in name only.
+#[test]
+fn a_solid_that_is_barely_star_shaped_is_mapped_as_any_solid_or_told_why_not() {
+    let folder = tempfile::tempdir().unwrap();
+    write(&folder.path().join("rod.off"), &Solid::Box { size: [20.0, 1.0, 1.0] }.surface().unwrap());
+    let config = "[domain]\nfile = \"rod.off\"\n[mesh]\nedge_length = 0.5\n[optimize]\nmax_iterations = 3\n";
+    std::fs::write(folder.path().join("rod.toml"), config).unwrap();
+    // Without TetGen and Gmsh in shells, as before; `verify` makes the same, whatever is installed where it runs.
+    let run = |out: &str, path: Option<&str>, more: &[&str]| {
+        let mut command = Command::new(cargo_bin!("qcball"));
+        command.current_dir(folder.path()).env_remove("QCBALL_TETGEN").env_remove("QCBALL_GMSH");
+        path.map(|path| command.env("PATH", path));
+        let output = command.args(["run", "rod.toml", "--quiet", "--out", out]).args(more).output().unwrap();
+        assert!(output.status.code().is_some_and(|code| code < 2), "{}", String::from_utf8_lossy(&output.stderr));
+        let summary = std::fs::read_to_string(folder.path().join(out).join("summary.txt")).unwrap();
+        summary.split_whitespace().collect::<Vec<_>>().join(" ")
+    };
+    let grazed = "the solid is star-shaped, but rays from its centre meet faces at 2.86 degrees";
+    let shells = run("shells", Some(""), &[]);
+    assert!(shells.contains(&format!("{grazed}, so that cones over them are slivers")), "{shells}");
+    assert!(!run("rays", Some(""), &["--set", "map.kind=\"radial\""]).contains("star-shaped, but rays"));
+    let tools = ["tetgen", "gmsh"].map(|name| std::process::Command::new(name).arg("-h").output().is_ok());
+    if tools == [false, false] && std::env::var_os("QCBALL_EXTERNAL_REQUIRED").is_none() {
+        eprintln!("skipped: neither TetGen nor Gmsh is installed");
+        return;
+    }
+    let round = run("round", None, &[]);
+    assert!(
+        round.contains("map spherical,") && round.contains(&format!("{grazed}: its boundary was mapped")),
+        "{round}"
+    );
+    for out in ["shells", "round"] {
+        let (code, said, why) = qcball(folder.path(), &["verify", out]);
+        assert_eq!(code, 0, "{said}{why}");
+    }
+}

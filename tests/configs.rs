@@ -202,7 +202,10 @@ fn what_readme_and_guide_say_of_figures_is_in_the_committed_tables() {
     let brains = markdown_column("results/brain/table.md", "max K");
     let (pial, most) = brains.iter().find(|(row, _)| row[0] == "pial").unwrap();
     let tets = format!("{},{}", &pial[1][..2], &pial[1][2..]);
-    let told = format!("filled with {tets} tets, and its image (`tests/brain.sh`): the largest K is {most}, the mean {}.*", pial[8]);
+    let told = format!(
+        "filled with {tets} tets, and its image (`tests/brain.sh`): the largest K is {most}, the mean {}.*",
+        pial[8]
+    );
     assert!(readme.contains(&told), "{told}");
     let models = markdown_column("results/any-solid/table.md", "bijective");
     let fixed = models.iter().filter(|(row, _)| row[1] == "fixed").count();

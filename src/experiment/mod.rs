@@ -2,6 +2,7 @@
 
 mod corners;
 mod error;
+mod mesher;
 mod optimize_map;
 mod record;
 mod start;

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::corners::{Flags, corners};
 use super::error::{Fault, RunError};
+use super::mesher::{grazed, instead_of_shells, is_grazed, mesh_of_any_solid};
 use crate::cancel::Cancel;
 use crate::config::{DomainSource, InitialMap, MeshPlan, Plan};
 use crate::dilatation::number;
@@ -17,9 +18,8 @@ use crate::mesh::{
 use crate::optimize::Freed;
 use crate::report::{MapFigures, RefinementFigures, Splits};
 use crate::solid::{
-    CentreError, ExternalError, ExternalMesher, ExternalSettings, KernelError, Refinement, ShellSettings, StarCentre,
-    Surface, best_radial_exponent, check_filled, external_mesh, flag_mesh, inscribed_stretch, radial_max_dilatation,
-    shell_mesh, star_centre,
+    CentreError, ExternalSettings, KernelError, Refinement, ShellSettings, StarCentre, Surface, best_radial_exponent,
+    check_filled, external_mesh, flag_mesh, inscribed_stretch, radial_max_dilatation, shell_mesh, star_centre,
 };
 
 /// A domain and a map of it.
@@ -183,7 +183,13 @@ impl Start {
                     }));
                     start
                 }
-                centre => Self::of_shells(surface, centre?, shell, plan, unit)?,
+                centre => {
+                    let centre = centre?;
+                    match instead_of_shells(surface, &centre, external, shell_keys, plan) {
+                        Some(mesh) => Self::of_domain(Domain::new(mesh)?, surface, plan, unit)?,
+                        None => Self::of_shells(surface, centre, shell, plan, unit)?,
+                    }
+                }
             },
         };
         start.warn_of(surface);
@@ -221,7 +227,14 @@ impl Start {
             InitialMap::Spherical => Self::of_sphere(domain)?,
             _ => Self::of_rays(domain, surface, Some(centre), &coordinates, plan),
         };
-        let warnings = start.warnings.into_iter().chain(warning).chain(idle).collect();
+        let slivers = is_grazed(&centre, plan).then(|| {
+            format!(
+                "{}, so that cones over them are slivers: with TetGen or Gmsh its boundary is mapped as that of any solid, where \
+                 mesh.kind and the keys of shells are left out (mesh.kind = \"tetgen\" tells why not)",
+                grazed(&centre)
+            )
+        });
+        let warnings = start.warnings.into_iter().chain(slivers).chain(warning).chain(idle).collect();
         Ok(Self { refinement, warnings, ..start })
     }
 
@@ -257,6 +270,15 @@ impl Start {
                 }
                 centre => {
                     let centre = centre?;
+                    if is_grazed(&centre, plan)
+                        && let Ok(start) = Self::of_sphere(domain.clone())
+                    {
+                        let warning = format!(
+                            "{}: its boundary was mapped as that of any solid; map.kind = \"radial\" keeps to the rays",
+                            grazed(&centre)
+                        );
+                        return Ok(Self { splits, warnings: vec![warning], ..start });
+                    }
                     (centre.position, Some(centre), RayEnd::Only)
                 }
             },
@@ -413,19 +435,6 @@ impl Start {
             Unit::of_extreme(image.iter().zip(domain.boundary().vertex_mask()).filter(|(_, on)| **on).map(|(p, _)| p));
         let image = unit.take_points(&image);
         Ok(Self { units: [Unit::default(), unit], ..Self::with(domain, image, map) })
-    }
-}
-
-/// Fills a solid that is not star-shaped: TetGen does where it is installed, else Gmsh.
-fn mesh_of_any_solid(surface: &Surface, settings: &ExternalSettings, cancel: &Cancel) -> Result<TetMesh, Fault> {
-    let gmsh =
-        || external_mesh(surface, &ExternalSettings { mesher: ExternalMesher::Gmsh, ..settings.clone() }, cancel);
-    match external_mesh(surface, settings, cancel) {
-        Err(ExternalError::Missing { .. }) => match gmsh() {
-            Err(ExternalError::Missing { .. }) => Err(Fault::NoMesher),
-            mesh => Ok(mesh?),
-        },
-        mesh => Ok(mesh?),
     }
 }
 

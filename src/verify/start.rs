@@ -207,6 +207,12 @@ fn make(plan: &Plan, files: &Files, findings: &mut Findings) -> Result<Start, Ru
             let start = Start::on(plan, external, files.domain.clone(), files.units[0])?;
             Ok(Start { splits: files.report.achieved.splits, warnings: files.report.warnings.clone(), ..start })
         }
+        // Which of the two it is depends on the programs of a machine, where a solid is barely star-shaped.
+        (DomainSource::Solid(_) | DomainSource::Surface(_), MeshPlan::Auto { shell, .. })
+            if files.report.domain.centre.is_some() =>
+        {
+            Start::of(&Plan { mesh: MeshPlan::Shell(shell.clone()), ..plan.clone() })
+        }
         _ => Start::of(plan),
     }
 }
