@@ -17,8 +17,12 @@ fn qcball(folder: &Path, arguments: &[&str]) -> (i32, String, String) {
 
 /// A folder with the results of a coarse cube in `run`.
 fn cube() -> tempfile::TempDir {
+    run("solid = \"cube\"")
+}
+
+fn run(domain: &str) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
-    let config = "[domain]\nsolid = \"cube\"\n[mesh]\nsubdivisions = 2\nlayers = 3\n[optimize]\nmax_iterations = 5\n";
+    let config = format!("[domain]\n{domain}\n[mesh]\nsubdivisions = 2\nlayers = 3\n[optimize]\nmax_iterations = 5\n");
     fs::write(folder.path().join("cube.toml"), config).unwrap();
     let (code, _, err) = qcball(folder.path(), &["run", "cube.toml", "--out", "run", "--quiet", "--threads", "1"]);
     assert_eq!(code, 0, "{err}");
@@ -36,10 +40,18 @@ fn table(path: &Path) -> (Vec<String>, Vec<Vec<f64>>) {
 
 #[test]
 fn the_vertices_of_the_domain_go_to_those_of_the_image_to_the_bit_and_back() {
-    let folder = cube();
-    let at = |name: &str| folder.path().join(name);
+    // Whatever units they are counted in.
+    for folder in
+        [cube(), run("solid = \"box\"\nsize = [300, 200, 250]"), run("solid = \"box\"\nsize = [3e-5, 2e-5, 2e-5]")]
+    {
+        there_and_back(folder.path());
+    }
+}
+
+fn there_and_back(folder: &Path) {
+    let at = |name: &str| folder.join(name);
     let [domain, image] = ["run/domain.vtu", "run/image.vtu"].map(|name| read_tets(&at(name)).unwrap().points);
-    let (code, out, err) = qcball(folder.path(), &["evaluate", "run", "run/domain.vtu", "there.csv"]);
+    let (code, out, err) = qcball(folder, &["evaluate", "run", "run/domain.vtu", "there.csv"]);
     assert_eq!((code, err.as_str()), (0, ""));
     assert_eq!(out, format!("{} points, 0 of them outside; there.csv\n", domain.len()));
     let (header, rows) = table(&at("there.csv"));
@@ -48,10 +60,27 @@ fn the_vertices_of_the_domain_go_to_those_of_the_image_to_the_bit_and_back() {
         assert_eq!((row[..3].to_vec(), row[3], row[5..].to_vec()), (x.as_slice().to_vec(), 1.0, y.as_slice().to_vec()));
     }
     // The file that was written is one of points, and so is a VTU of it.
-    let (code, ..) = qcball(folder.path(), &["evaluate", "run", "run/image.vtu", "back.vtu", "--inverse"]);
+    let (code, ..) = qcball(folder, &["evaluate", "run", "run/image.vtu", "back.vtu", "--inverse"]);
     assert_eq!(code, 0);
     assert_eq!(read_points(&at("back.vtu")).unwrap().points, image);
     assert_eq!(read_points(&at("there.csv")).unwrap().points, domain);
+    // On to the ball, which has a radius of 1, and back to within rounding.
+    let (code, ..) = qcball(folder, &["evaluate", "run", "run/domain.vtu", "ball.csv", "--onto", "ball"]);
+    assert_eq!(code, 0);
+    let (_, rows) = table(&at("ball.csv"));
+    let most = rows.iter().map(|row| Vec3::new(row[5], row[6], row[7]).norm()).fold(0.0, f64::max);
+    assert!(rows.iter().all(|row| row[3] == 1.0) && (most - 1.0).abs() < 1e-12, "{most}");
+    let (code, said, _) = qcball(folder, &["evaluate", "run", "ball.csv", "again.csv", "--onto", "ball", "--inverse"]);
+    assert_eq!(code, 0, "{said}");
+    let size = domain.iter().map(|x| x.amax()).fold(0.0, f64::max);
+    let (header, rows) = table(&at("again.csv"));
+    let first = header.iter().position(|name| name == "domain_x").unwrap();
+    for (row, x) in rows.iter().zip(&domain).filter(|(row, _)| row[first].is_finite()) {
+        let back = Vec3::new(row[first], row[first + 1], row[first + 2]);
+        assert!((back - x).norm() < 1e-9 * size, "{x} {back}");
+    }
+    // Points of the sphere may be outside by rounding; all others are within.
+    assert!(rows.iter().filter(|row| row[first].is_finite()).count() > domain.len() / 4);
 }
 
 #[test]

@@ -9,8 +9,8 @@ use super::inputs::{read_map, refuse_to_write_over};
 use super::output::{note, print};
 use super::{Ending, Failure};
 use crate::map::{Evaluator, EvaluatorError, Located, Onto, bijectivity};
-use crate::mesh::Vec3;
 use crate::mesh::io::{DataArray, Values, check_points_can_be_written, read_points_under, read_tet_file, shown_path};
+use crate::mesh::{Unit, Vec3};
 use crate::report::read_corners;
 
 /// The map, the points and what to do with them.
@@ -90,7 +90,14 @@ pub(super) fn evaluate(arguments: &EvaluateArguments) -> Result<Ending, Failure>
         (true, true) => evaluator.inverse(point),
         (true, false) => evaluator.at(point),
     };
-    let found: Vec<Option<Located>> = table.points.par_iter().map(find).collect();
+    // Lengths of the meshes are counted in units of their own; those of the ball are not.
+    let of_image = if matches!(onto, Onto::Ball) { Unit::default() } else { map.units[1] };
+    let [from, to] = if *inverse { [of_image, map.units[0]] } else { [map.units[0], of_image] };
+    let found: Vec<Option<Located>> = from.take_points(&table.points).par_iter().map(find).collect();
+    let found: Vec<Option<Located>> = found
+        .into_iter()
+        .map(|found| found.map(|found| Located { position: found.position.map(|x| to.give_back(x, 1)), ..found }))
+        .collect();
 
     let inside: Vec<bool> = found.iter().map(Option::is_some).collect();
     let tets: Vec<f64> = found.iter().map(|found| found.map_or(-1.0, |found| found.tet.0.into())).collect();

@@ -4,7 +4,10 @@ use super::error::Fault;
 use crate::cancel::Cancel;
 use crate::config::{DomainSource, InitialMap, Plan};
 use crate::mesh::TetMesh;
-use crate::solid::{CentreChoice, ExternalError, ExternalMesher, ExternalSettings, StarCentre, Surface, external_mesh};
+use crate::solid::{
+    CentreChoice, ExternalError, ExternalMesher, ExternalSettings, Refinement, ShellMesh, ShellSettings, StarCentre,
+    Surface, external_mesh,
+};
 
 /// The angle in degrees between rays and faces below which a solid counts as star-shaped in name only: the radial map has a K beyond a
 /// thousand there, and cones over such faces are slivers.
@@ -37,6 +40,19 @@ pub(super) fn instead_of_shells(
 ) -> Option<TetMesh> {
     let wanted = is_grazed(centre, plan) && shell_keys.is_empty();
     wanted.then(|| mesh_of_any_solid(surface, external, &plan.optimize.cancel).ok()).flatten()
+}
+
+/// What is said where the surface as it is takes more tets than the config asks for.
+pub(super) fn more_cells(surface: &Surface, settings: &ShellSettings, shell: &ShellMesh) -> Option<String> {
+    let (triangles, tets) = (surface.triangles().len(), shell.mesh.tets().len());
+    let Some(Refinement::Cells(wanted)) = settings.refinement else { return None };
+    (tets > wanted && shell.surface.triangles().len() == triangles).then(|| {
+        let layers = settings.layers;
+        format!(
+            "mesh.cells asks for {wanted} tets, but {layers} layers over the surface's {triangles} triangles take {tets}; fewer layers \
+             (mesh.layers) or a coarser surface take fewer"
+        )
+    })
 }
 
 /// Fills a solid by another program: TetGen does where it is installed, else Gmsh.

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::corners::{Flags, corners};
 use super::error::{Fault, RunError};
-use super::mesher::{grazed, instead_of_shells, is_grazed, mesh_of_any_solid};
+use super::mesher::{grazed, instead_of_shells, is_grazed, mesh_of_any_solid, more_cells};
 use crate::cancel::Cancel;
 use crate::config::{DomainSource, InitialMap, MeshPlan, Plan};
 use crate::dilatation::number;
@@ -208,7 +208,7 @@ impl Start {
             (plan.collar > 0.0).then(|| "the solid was meshed in shells, so that boundary.collar had no effect".into());
         let coordinates = RadialCoordinates::of_shell(&shell);
         let mut refinement = None;
-        let mut warning = None;
+        let mut warning = more_cells(surface, settings, &shell);
         if let Some(Refinement::Ball(wanted)) = settings.refinement {
             let largest_stretch = inscribed_stretch(&shell.surface, &centre.position);
             if largest_stretch > wanted {

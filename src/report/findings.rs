@@ -70,8 +70,11 @@ pub(crate) fn best_and_limit(columns: usize, best: BestBound, limit: &Limit) -> 
     labelled(columns, "limit", &limit.sentence) + &labelled(columns, "best bound", &best_in_words(best))
 }
 
-/// The bounds, those that apply and the largest first; in two lines each where there is no room for one.
+/// The bounds, if there are any, those that apply and the largest first; in two lines each where there is no room for one.
 pub(crate) fn bounds_list(columns: usize, bounds: &[LowerBound]) -> String {
+    if bounds.is_empty() {
+        return String::new();
+    }
     let mut bounds: Vec<&LowerBound> = bounds.iter().collect();
     bounds.sort_by(|a, b| b.applies.cmp(&a.applies).then(b.value.total_cmp(&a.value)));
     let is_narrow = columns < TABLE;

@@ -51,6 +51,9 @@ impl Limit {
                 "tets are flipped, so K is infinite and nothing can be said of its limit".into(),
             );
         }
+        if bounds.is_empty() {
+            return say(LimitedBy::Unknown, "no bound was computed, so what limits K is not known".into());
+        }
         let Some(best) = best_applicable(bounds) else {
             return say(LimitedBy::Unknown, "no bound applies to this map, so what limits K is not known".into());
         };
@@ -182,6 +185,7 @@ mod tests {
             (8.0, vec![mesh(4.0)], settled, Unknown, "not proved"),
             (8.0, vec![mesh(4.0)], None, Unknown, "50.0 %"),
             (8.0, vec![smooth(4.0)], settled, Unknown, "no bound applies"),
+            (8.0, vec![], interrupted, Unknown, "no bound was computed"),
             (f64::INFINITY, vec![mesh(4.0)], None, Unknown, "flipped"),
         ];
         for (max_k, bounds, ending, by, words) in cases {

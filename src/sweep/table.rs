@@ -305,9 +305,10 @@ pub fn compare(one: &Results, other: &Results) -> Result<Comparison, TableError>
     let mean = (logs.iter().sum::<f64>() / logs.len().max(1) as f64).exp();
     let only = |all: &Results| all.rows.len() - pairs.len();
     let sentence = format!(
-        "{} cases in both, {} only in A, {} only in B; from A to B the largest K is lower in {lower}, the same to {SAME:e} in {same} and \
+        "{} case{} in both, {} only in A, {} only in B; from A to B the largest K is lower in {lower}, the same to {SAME:e} in {same} and \
          higher in {higher}; geometric mean of B / A {mean:.6}",
         pairs.len(),
+        if pairs.len() == 1 { "" } else { "s" },
         only(one),
         only(other)
     );
