@@ -204,7 +204,7 @@ fn what_readme_and_guide_say_of_figures_is_in_the_committed_tables() {
     let tets = format!("{},{}", &pial[1][..2], &pial[1][2..]);
     let told = format!(
         "filled with {tets} tets, and its image (`tests/brain.sh`): the largest K is {most}, the mean {}.*",
-        pial[8]
+        pial[7]
     );
     assert!(readme.contains(&told), "{told}");
     let models = markdown_column("results/any-solid/table.md", "bijective");
