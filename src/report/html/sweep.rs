@@ -164,13 +164,13 @@ fn in_short(index: &Index, front: &[(&Value, [f64; 2])]) -> String {
     let mut html = paragraph(&(words + "."));
     if let (Some((least_max, [max, _])), Some((least_mean, [_, mean]))) = (front.first(), front.last()) {
         html += &paragraph(&format!(
-            "The smallest max K is {max:.4}, of case {} ({}); the smallest mean K is {mean:.4}, of case {} ({}). {} cases are on \
+            "The smallest max K is {max:.4}, of case {} ({}); the smallest mean K is {mean:.4}, of case {} ({}). {} on \
              the Pareto front: no other case is better in one of the two and not worse in the other.",
             least_max["case"],
             settings_in_words(least_max),
             least_mean["case"],
             settings_in_words(least_mean),
-            front.len()
+            if front.len() == 1 { "1 case is".into() } else { format!("{} cases are", front.len()) }
         ));
     }
     for case in index.cases.iter().filter(|case| case["status"] == "failed").take(5) {
