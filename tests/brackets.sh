@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Two-sided bounds of the quasi-conformal coefficient of polyhedra: results/brackets: table.csv, table.md, plot.svg. Some 30
-# minutes of one core in all. Needs jq.
+# Two-sided bounds of the quasi-conformal coefficient of polyhedra: results/brackets: table.csv, table.md, plot.svg. Some 40
+# minutes of one core in all. Needs jq and Python.
 #
 #   tests/brackets.sh QCBALL [SOLID]...     makes the rows of these solids anew and keeps the others; all without names
 set -euo pipefail
@@ -14,7 +14,7 @@ csv=results/brackets/table.csv
 # Name; config; overrides.
 rows() {
     cat <<ROWS
-tetrahedron|brackets|domain.solid=tetrahedron boundary.corners=2.5 mesh.rings=10 mesh.layers=10
+tetrahedron|brackets|domain.solid=tetrahedron boundary.corners=2.5 mesh.sectors=7 mesh.rings=11 mesh.layers=10
 cube|brackets|
 octahedron|brackets|domain.solid=octahedron boundary.corners=1.9 mesh.rings=8 mesh.layers=8
 dodecahedron|brackets|domain.solid=dodecahedron boundary.corners=1.25 mesh.sectors=5 mesh.rings=7 mesh.layers=7
@@ -53,6 +53,7 @@ while IFS='|' read -r name config keys; do
     { TIMEFORMAT=%U; time run "$dir/best" "$config" ${keys[@]+"${keys[@]}"} 2>&3; } 3>&2 2>"$dir/seconds"
     seconds=$(printf %.0f "$(tail -1 "$dir/seconds")")
     "$qcball" verify "$dir/best" >"$dir/verified" || { tail -5 "$dir/verified" >&2; exit 1; }
+    tests/differences.py "$qcball" "$dir/best" >&2
     [[ $name == cube || $config != brackets ]] && mkdir -p "results/$config" && cp "$dir/best/summary.txt" "results/$config/summary.txt"
     row=$(jq -rs --arg name "$name" --arg seconds "$seconds" '
         def digits($n): if . == null then "" else . * pow(10; $n) | round / pow(10; $n) | tostring end;
@@ -85,8 +86,8 @@ Made by \`tests/brackets.sh\`. The coefficient K(D) of a solid D is the least la
 least pi over the sharpest dihedral angle alpha of D, and at most K onto the ball of any map; *certified*, rounded up, is that of one whose
 boundary slides and which is like r^p at the corners. Whether (pi / alpha)^(3/2), which no piecewise-linear map of a fine mesh goes below, with powers
 at the corners or without, is the coefficient is not known. *K*: of the same map onto the polyhedron. *Radial* and *fixed*: K onto the ball of the radial
-piecewise-linear map of the same mesh, and of the one optimized with the radial boundary values. Every certified value is of a folder
-that \`qcball verify\` accepted. Seconds are CPU time of the run that gave it, one thread.
+piecewise-linear map of the same mesh, and of the one optimized with the radial boundary values, symmetric too. Every certified value is
+of a folder that \`qcball verify\` accepted, and no K of differences of the map at 100,000 random points is above it (\`tests/differences.py\`). Seconds are CPU time of the run that gave it, one thread.
 
 | solid | pi / alpha | certified | (pi / alpha)^(3/2) | K | p | radial | fixed | tets | s |
 |---|--:|--:|--:|--:|--:|--:|--:|--:|--:|

@@ -54,7 +54,7 @@ pub struct Warped<'d> {
 
 impl Warped<'_> {
     /// Moves the vertices so that the objective falls. For K onto the ball the start, inscribed in a sphere about 0 and star-shaped
-    /// about 0, is first improved as without it. The outcome then has no KKT residual, and its trace has a row a round after those of the first map, whose objective is the logarithm of K onto the ball,
+    /// about 0, is first improved as without it, unless K onto the ball rises by that. The outcome then has no KKT residual, and its trace has a row a round after those of the first map, whose objective is the logarithm of K onto the ball,
     /// as far as points of the tets tell.
     ///
     /// # Errors
@@ -72,10 +72,17 @@ impl Warped<'_> {
             return self.solved(&plain, Start::Anywhere, start, settings, observe);
         }
         let clock = Instant::now();
-        OntoBall::new(self.domain, self.corners, start)?;
+        let at_start = self.held(start)?;
         let settings = OptimizeSettings { objective: Objective::Max, polish: Polish::None, ..settings.starting_now() };
         let mut now = self.solved(&plain, Start::Anywhere, start, &settings, observe)?;
-        let mut held = self.held(&now.positions)?;
+        // On coarse meshes a small K onto the polyhedron may have a large one onto the ball.
+        let mut held = match self.held(&now.positions) {
+            Ok(held) if held.k <= at_start.k => held,
+            _ => {
+                now.positions = start.to_vec();
+                at_start
+            }
+        };
         let mut fruitless = 0;
         for _ in 0..ROUNDS {
             // What ended the rest is told.

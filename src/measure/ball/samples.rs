@@ -9,6 +9,9 @@ use crate::domain::Domain;
 use crate::map::{self, Corners};
 use crate::mesh::{Mat3, TetId, Vec3};
 
+/// Points nearer to 0 than this part of their tet's farthest corner have no direction: that of 0, where cuts meet, is rounding.
+const AT_CENTRE: f64 = 1e-9;
+
 /// The radial map of an image onto the ball, after a map of a domain to that image.
 pub(crate) struct OntoBall<'a> {
     domain: &'a Domain,
@@ -52,6 +55,7 @@ impl<'a> OntoBall<'a> {
         let images = self.domain.mesh().tets()[tet.index()].map(|v| self.image[v.index()]);
         let jacobian = self.domain.jacobian(tet, self.image);
         let warp = self.warped_cone(tet).and_then(|_| self.corners?.warp(tet));
+        let size = images.iter().map(|y| y.norm()).fold(0.0, f64::max);
         let (mut found, shadow) = (Vec::new(), Shadow::of(&images));
         self.cones.for_each_near(shadow.cap(), 0.0, &mut |index| {
             let cone = self.cones.get(index);
@@ -74,7 +78,8 @@ impl<'a> OntoBall<'a> {
                         None => Some(Mat3::identity()),
                         Some(warp) => warp.projections([of(&rest, weights); 4]).next().map(|u| warp.factor(&u)),
                     };
-                    [right, shear(cone, &of(&images, weights))]
+                    let y = of(&images, weights);
+                    [right, shear(cone, &y).filter(|_| y.norm() > AT_CENTRE * size)]
                 })
                 .collect();
             let mut take = |right: Mat3, left: Mat3| {
