@@ -68,6 +68,23 @@ pub enum ShellError {
     Surface(#[from] SurfaceError),
 }
 
+impl ShellSettings {
+    /// A number of tets that no mesh of this surface has fewer of, known without meshing; for settings that [`shell_mesh`] takes.
+    pub(crate) fn least_tets(&self, surface: &Surface) -> usize {
+        let per_triangle = 3 * (self.layers as usize).max(1) - 2;
+        let triangles = surface.triangles().len().saturating_mul((self.subdivisions as usize).saturating_pow(2));
+        let of_refinement = match self.refinement {
+            Some(Refinement::Cells(cells)) => cells,
+            // No triangle with edges up to this length has a larger area than the equilateral one.
+            Some(Refinement::EdgeLength(length)) => {
+                (surface.area() / (length.powi(2) * 3f64.sqrt() / 4.0)) as usize * per_triangle
+            }
+            Some(Refinement::Ball(_)) | None => 0,
+        };
+        triangles.saturating_mul(per_triangle).max(of_refinement)
+    }
+}
+
 /// A shell mesh and how its vertices sit on the rays from the centre.
 #[derive(Clone, Debug)]
 pub struct ShellMesh {

@@ -10,10 +10,10 @@ use crate::experiment::{RunError, Start};
 use crate::map::{CornerChoice, Corners};
 use crate::measure::Summary;
 use crate::mesh::Vec3;
-use crate::mesh::io::shown_path;
+use crate::mesh::io::{read_surface, shown_path};
 use crate::optimize::BoundaryValues;
 use crate::report::HALVED;
-use crate::solid::StarCentre;
+use crate::solid::{StarCentre, Surface};
 
 /// Distance, relative to the extent of all positions, within which two are the same: elementary functions differ in their last
 /// bits from one machine to the next.
@@ -75,6 +75,11 @@ pub(super) fn again(files: &Files, findings: &mut Findings) -> Option<Again> {
         || report.domain.centre.is_none() && matches!(plan.mesh, MeshPlan::Auto { .. });
     if external && !files.halved.is_empty() {
         findings.trust("that the domain is the mesher's with the edges halved that refined.csv names, and its start");
+        return Some(as_told(source));
+    }
+    let (least, there) = (least_tets(&plan), files.cells.len());
+    if least > there {
+        findings.found(format!("the config makes a mesh of at least {least} tets, but cells.csv has {there}"));
         return Some(as_told(source));
     }
     let start = match make(&plan, files, findings) {
@@ -214,6 +219,23 @@ fn make(plan: &Plan, files: &Files, findings: &mut Findings) -> Result<Start, Ru
             Start::of(&Plan { mesh: MeshPlan::Shell(shell.clone()), ..plan.clone() })
         }
         _ => Start::of(plan),
+    }
+}
+
+/// A number of tets that no mesh by the config has fewer of: a mistaken key may ask for a hundred million.
+fn least_tets(plan: &Plan) -> usize {
+    let surface = match &plan.domain {
+        DomainSource::Solid(solid) => solid.surface().ok(),
+        DomainSource::Surface(path) => {
+            read_surface(path).ok().and_then(|soup| Surface::repaired(soup, &plan.repair).ok())
+        }
+        DomainSource::Mesh(_) => None,
+    };
+    match (&plan.mesh, surface) {
+        (MeshPlan::Shell(settings), Some(surface)) => settings.least_tets(&surface),
+        // A tetrahedron has 24 flags, and no solid has fewer.
+        (MeshPlan::Flag(settings), _) => 24_usize.saturating_mul(settings.tets_a_flag()),
+        _ => 0,
     }
 }
 

@@ -127,6 +127,12 @@ const TAMPERINGS: &[Tampering] = &[
         "config_hash",
     ),
     ("an override", |f| edit_report(f, "/overrides", |_| json!(["mesh.layers=5"])), "config_hash"),
+    // Of 48 triangles in 300^2 parts, 10 tets each: refused before it is made.
+    (
+        "a mesh that would take minutes",
+        |f| edit_report(f, "/overrides", |_| json!(["mesh.subdivisions=300"])),
+        "the config makes a mesh of at least 43200000 tets",
+    ),
     (
         "a row of the trace cut",
         |f| {
