@@ -77,7 +77,7 @@ pub(super) fn again(files: &Files, findings: &mut Findings) -> Option<Again> {
         findings.trust("that the domain is the mesher's with the edges halved that refined.csv names, and its start");
         return Some(as_told(source));
     }
-    let (least, there) = (least_tets(&plan), files.cells.len());
+    let (least, there) = (least_tets(&plan, report.domain.centre.is_some()), files.cells.len());
     if least > there {
         findings.found(format!("the config makes a mesh of at least {least} tets, but cells.csv has {there}"));
         return Some(as_told(source));
@@ -222,8 +222,9 @@ fn make(plan: &Plan, files: &Files, findings: &mut Findings) -> Result<Start, Ru
     }
 }
 
-/// A number of tets that no mesh by the config has fewer of: a mistaken key may ask for a hundred million.
-fn least_tets(plan: &Plan) -> usize {
+/// A number of tets that no mesh by the config has fewer of: a mistaken key may ask for a hundred million. Shells have a star centre, and
+/// a config that leaves the mesher open may have called another.
+fn least_tets(plan: &Plan, has_centre: bool) -> usize {
     let surface = match &plan.domain {
         DomainSource::Solid(solid) => solid.surface().ok(),
         DomainSource::Surface(path) => {
@@ -232,7 +233,9 @@ fn least_tets(plan: &Plan) -> usize {
         DomainSource::Mesh(_) => None,
     };
     match (&plan.mesh, surface) {
-        (MeshPlan::Shell(settings), Some(surface)) => settings.least_tets(&surface),
+        (MeshPlan::Shell(settings) | MeshPlan::Auto { shell: settings, .. }, Some(surface)) if has_centre => {
+            settings.least_tets(&surface)
+        }
         // A tetrahedron has 24 flags, and no solid has fewer.
         (MeshPlan::Flag(settings), _) => 24_usize.saturating_mul(settings.tets_a_flag()),
         _ => 0,
