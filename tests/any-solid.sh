@@ -2,12 +2,12 @@
 # Solids of any shape, results/any-solid/table.md: each NAME.mesh of a folder mapped onto the ball from a spherical start, its boundary
 # values fixed and then sliding. The runs are kept in RUNS, and one that is there already is not made again. Needs jq.
 #
-#   tests/any-solid.sh MODELS_DIR RUNS [QCBALL [ITERATIONS]]      by default target/release/qcball, and at most 600 iterations
+#   tests/any-solid.sh MODELS_DIR RUNS [QCBALL [ITERATIONS]]      by default target/release/qcball, and at most 1000 iterations
 set -euo pipefail
 models=$(cd "$1" && pwd)
 mkdir -p "$2" && runs=$(cd "$2" && pwd)
 cd "$(dirname "$0")/.."
-qcball=$(realpath "${3:-target/release/qcball}") iterations=${4:-600}
+qcball=$(realpath "${3:-target/release/qcball}") iterations=${4:-1000}
 # With some rise: where the boundary slides, all tets come to share the largest K, and the mean pays for it.
 declare -A slide=([fixed]='' [sliding]='[boundary]\nvalues = "sliding"\n') rise=([fixed]='' [sliding]='rise = 0.15\n')
 for values in fixed sliding; do
