@@ -70,7 +70,7 @@ pub enum ShellError {
 
 impl ShellSettings {
     /// A number of tets that no mesh of this surface has fewer of, known without meshing; for settings that [`shell_mesh`] takes.
-    pub(crate) fn least_tets(&self, surface: &Surface) -> usize {
+    pub fn least_tets(&self, surface: &Surface) -> usize {
         let per_triangle = 3 * (self.layers as usize).max(1) - 2;
         let triangles = surface.triangles().len().saturating_mul((self.subdivisions as usize).saturating_pow(2));
         let of_refinement = match self.refinement {
