@@ -75,9 +75,12 @@ impl ShellSettings {
         let triangles = surface.triangles().len().saturating_mul((self.subdivisions as usize).saturating_pow(2));
         let of_refinement = match self.refinement {
             Some(Refinement::Cells(cells)) => cells,
-            // No triangle with edges up to this length has a larger area than the equilateral one.
+            // No triangle with edges up to this length has a larger area than the equilateral one. Areas in units of the length, since
+            // those of a large unit leave the range of numbers.
             Some(Refinement::EdgeLength(length)) => {
-                (surface.area() / (length.powi(2) * 3f64.sqrt() / 4.0)) as usize * per_triangle
+                let corners = surface.ids().map(|triangle| surface.corners(triangle).map(|p| p / length));
+                let area: f64 = corners.map(|[a, b, c]| (b - a).cross(&(c - a)).norm() / 2.0).sum();
+                ((area / (3f64.sqrt() / 4.0)) as usize).saturating_mul(per_triangle)
             }
             Some(Refinement::Ball(_)) | None => 0,
         };
