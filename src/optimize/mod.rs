@@ -36,6 +36,7 @@ pub use error::OptimizeError;
 use minimax::Ending;
 pub use recorder::KktResidual;
 use recorder::{PhaseEnd, Progress, Recorder};
+use region::Region;
 pub use untangle::{
     Freed, Refined, Shapes, Tangled, Untangled, flipped_tets, refine_and_untangle, untangle, untangle_and_optimize,
     untangle_locally,
@@ -54,6 +55,9 @@ const LAST_BEFORE_EPIGRAPH: f64 = 48.0;
 const SHARE_BEFORE_MINIMAX: f64 = 0.2;
 /// Share of the time up to the last phase of a soft maximum; a rough guess is all a progress bar needs.
 const SHARE_BEFORE_LAST_PHASE: f64 = 0.7;
+/// Share of the largest ln K above which tets belong to the region that a soft maximum settled on a coarser mesh is lowered on, and the rings
+/// of tets about it.
+const SOFT_REGION: (f64, usize) = (0.6, 3);
 /// Free vertices from which the soft maxima's and the polish's systems are solved iteratively: with 1,200 that takes 0.6 to
 /// 0.9 of the time of all with a sparse factor on cube, icosa and tetra-10k, and 1.4 on bumpy-10k; with more, ever less.
 const ITERATIVE_FROM: usize = 1000;
@@ -227,7 +231,8 @@ pub fn optimize(
 pub enum Start {
     /// Nothing.
     Anywhere,
-    /// Its largest K was settled on a mesh that this one refines in few places: the soft maxima are left out.
+    /// It was settled on a mesh that this one refines where K is large: all exponents but the last of a soft maximum are left out, and what
+    /// lies far from these places stays where it is.
     Settled,
 }
 
@@ -379,7 +384,7 @@ fn continuation(
         (settings.objective == Objective::Max && above <= settings.tolerance)
             .then_some((PhaseEnd::Converged, Some(kkt)))
     };
-    let settled = known == Start::Settled && settings.objective == Objective::Max;
+    let settled = known == Start::Settled;
     let before =
         EXPONENTS.into_iter().filter(|&p| !settled && (p < last || settings.objective == Objective::Max && p == last));
     for (index, exponent) in before.clone().enumerate() {
@@ -399,6 +404,21 @@ fn continuation(
         return Ok((epigraph::epigraph_phase(algorithm, assembly, iterate, settings.tolerance, recorder), None));
     }
     if let Objective::SoftMax(exponent) = settings.objective {
+        // Regions have no boundary whose triangles could be watched.
+        let part = settled && !assembly.unknowns().slides();
+        let region = part
+            .then(|| Region::of_large_dilatation(assembly, iterate.image(), SOFT_REGION.0, SOFT_REGION.1, usize::MAX));
+        if let Some(region) = region.flatten() {
+            let mut of_region = Assembly::new(&region.domain, &region.unknowns, method(&region.unknowns))?;
+            let mut image = iterate.image().to_vec();
+            let mut part = of_region.at(region.restrict(&image));
+            recorder.part = Some(region.part.clone());
+            let end = phase(&mut of_region, &mut part, exponent, settings.tolerance, recorder);
+            recorder.part = None;
+            region.extend(part.image(), &mut image);
+            *iterate = assembly.at(image);
+            return Ok((end, None));
+        }
         return Ok((phase(assembly, iterate, exponent, settings.tolerance, recorder), None));
     }
     let mut image = iterate.image().to_vec();
