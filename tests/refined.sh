@@ -32,27 +32,27 @@ while read -r name rounds allowed; do
             .refined.end, (.cpu_seconds | up(1)), (.cpu_seconds / $plain[0].cpu_seconds | up(1)) ]
         | "| " + (map(tostring) | join(" | ")) + " |"' "$dir/refined.json" >> "$dir/table.md"
 done <<'MESHES'
-cube-1k 15 60%
-cube-1k 30 600%
-bumpy-1k 15 60%
-dodeca-1k 15 60%
-icosa-1k 15 60%
-octa-1k 15 60%
-prism-1k 15 60%
-tetra-1k 15 60%
-bumpy-10k 12 10%
-bumpy-10k 12 60%
-cube-10k 12 10%
-cube-10k 40 60%
-dodeca-10k 12 10%
-icosa-10k 12 10%
-octa-10k 12 10%
-octa-10k 14 60%
-prism-10k 12 10%
-prism-10k 12 60%
-tetra-10k 12 10%
-tetra-10k 20 60%
-cube-100k 20 3%
+cube-1k 8 60%
+cube-1k 8 400%
+bumpy-1k 8 60%
+dodeca-1k 8 60%
+icosa-1k 8 60%
+octa-1k 8 60%
+prism-1k 8 60%
+tetra-1k 8 60%
+bumpy-10k 8 10%
+bumpy-10k 8 60%
+cube-10k 8 10%
+cube-10k 8 60%
+dodeca-10k 8 10%
+icosa-10k 8 10%
+octa-10k 8 10%
+octa-10k 8 60%
+prism-10k 8 10%
+prism-10k 8 60%
+tetra-10k 8 10%
+tetra-10k 8 60%
+cube-100k 8 3%
 MESHES
 mkdir -p results/refined
 cp "$dir/table.md" results/refined/table.md

@@ -164,7 +164,6 @@ fn refined_line(columns: usize, achieved: &Achieved) -> String {
     let Some(RefinedFigures { tets_before, end, rounds }) = &achieved.refined else { return String::new() };
     let why = match end {
         RefineEnd::BoundaryValues => "the boundary values allow hardly less, on any mesh inside",
-        RefineEnd::Stalled => "the last rounds gained too little",
         RefineEnd::Budget => "the next round would add more tets than refine.tets allows",
         RefineEnd::Rounds => "these were all that refine.rounds asks for",
         RefineEnd::NoEdge => "no tet that holds K has an edge left to halve",
