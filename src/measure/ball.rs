@@ -167,7 +167,7 @@ fn enclosed(
     let linear = |tet: &TetId| onto.warped_cone(*tet).is_none();
     let at_boundary = (0..owners.len()).into_par_iter().filter(|index| linear(&owners[*index])).map(|index| {
         let (cone, map) = (cones.get(index), map(owners[index].index()));
-        cone.corners.iter().map(|corner| attained(map.largest(map.at(cone, corner), 0.0))).fold(1.0, f64::max)
+        cone.corners.iter().map(|corner| attained(map.largest(map.at(&cone.normal, corner), 0.0))).fold(1.0, f64::max)
     });
     let of_warped = (0..tets.len() as u32).into_par_iter().map(TetId).filter(|tet| !linear(tet));
     let of_warped = of_warped.map(|tet| attained(onto.sampled(tet))).reduce(|| 1.0, f64::max);

@@ -1,6 +1,6 @@
 //! What a summary says of the bounds, of what limits K, and of the ball.
 
-use super::summary::{TABLE, labelled, percent};
+use super::words::{TABLE, labelled, percent};
 use super::{Achieved, BallFigures, BestBound, Limit};
 use crate::bound::{Kind, LowerBound, Scope};
 use crate::dilatation::{lower_bound, upper_bound};

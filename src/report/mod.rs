@@ -9,6 +9,7 @@ mod limit;
 mod machine;
 mod results;
 mod summary;
+mod words;
 
 pub use achieved::{Achieved, MapReport};
 pub(crate) use corners::{CORNERS, read_corners};
@@ -23,8 +24,9 @@ pub use html::{
 pub use limit::{Limit, LimitedBy};
 pub(crate) use results::{CellRow, FILES, HALVED, HalvedRow, INCOMPLETE, START, trace_hash};
 pub use results::{MapRecord, write_certificate, write_results, write_trace};
-pub(crate) use summary::dilatations;
-pub use summary::{COLUMNS, map_summary, summary, summary_within, time_line};
+pub use summary::{map_summary, summary, summary_within, time_line};
+pub use words::COLUMNS;
+pub(crate) use words::dilatations;
 
 use std::time::Instant;
 

@@ -6,6 +6,8 @@ use crate::mesh::Vec3;
 
 /// More than the rounding of any angle here, in radians.
 const ANGLE: f64 = 1e-12;
+/// How near a vertex is to a plane through 0 that it is taken to lie on, relative to its distance from 0.
+pub(super) const SNAP: f64 = 1e-12;
 /// Cones in a leaf of the tree.
 const LEAF: usize = 4;
 
@@ -27,7 +29,7 @@ impl Cone {
         let [a, b, c] = corners.map(|p| <[f64; 3]>::from(p).map(Interval::exactly));
         let minus = |p: [Interval; 3]| [0, 1, 2].map(|i| p[i] - a[i]);
         let mut cone = Self { corners: *corners, normal: cross(minus(b), minus(c)), sigma: 1.0, stretch: 1.0 };
-        cone.sigma = corners.iter().map(|corner| stretch(&cone, corner)).fold(1.0, f64::max);
+        cone.sigma = corners.iter().map(|corner| stretch(&cone.normal, corner)).fold(1.0, f64::max);
         cone.stretch = (cone.sigma * (cone.sigma * cone.sigma).next_up()).next_up();
         cone
     }
@@ -74,6 +76,13 @@ impl Cap {
     fn meets(&self, other: &Self) -> bool {
         angle(&self.centre, &other.centre) <= self.radius + other.radius + ANGLE
     }
+}
+
+/// det(p, q, y), up to rounding; 0 where y is taken to lie on the plane of 0, p and q.
+pub(super) fn beside([p, q]: [&Vec3; 2], y: &Vec3) -> f64 {
+    let normal = p.cross(q);
+    let value = normal.dot(y);
+    if value.abs() <= SNAP * normal.norm() * y.norm() { 0.0 } else { value }
 }
 
 fn angle(a: &Vec3, b: &Vec3) -> f64 {

@@ -1,6 +1,5 @@
 //! Upper bounds, in intervals, for the dilatations of one tet's map followed by the radial map in one direction.
 
-use super::cones::Cone;
 use crate::linalg::interval::{Interval, cross, difference, dot, exact_vector, norm_squared};
 use crate::linalg::svd;
 use crate::mesh::{Mat3, Vec3};
@@ -95,9 +94,9 @@ impl TetMap {
         self.largest(self.norms, 0.0)
     }
 
-    /// The norms in one direction, as an exact vector of any length, of the radial map on a cone.
-    pub fn at(&self, cone: &Cone, direction: &Vec3) -> Norms {
-        let Some([shear, inverse]) = shears(cone, &exact_vector(direction)) else { return [f64::INFINITY; 2] };
+    /// The norms in one direction, as an exact vector of any length, of the radial map on the cone over a plane with this normal, away from 0.
+    pub fn at(&self, normal: &[Interval; 3], direction: &Vec3) -> Norms {
+        let Some([shear, inverse]) = shears(normal, &exact_vector(direction)) else { return [f64::INFINITY; 2] };
         [norm(&product(&shear, &self.forward)), norm(&product(&self.backward, &inverse))]
     }
 
@@ -167,26 +166,26 @@ fn edges_by_columns(corners: &[Vec3; 4]) -> Matrix {
     ends.map(|end| [0, 1, 2].map(|i| end[i] - origin[i]))
 }
 
-/// `M = I + u v^T` and its inverse `I - u v^T` for the radial map on a cone, see [`super`]; none if rounding could turn the
-/// direction out of the half-space of the cone's plane.
-pub(super) fn shears(cone: &Cone, direction: &[Interval; 3]) -> Option<Pair> {
+/// `M = I + u v^T` and its inverse `I - u v^T` for the radial map on the cone over a plane with this normal, see [`super`]; none if
+/// rounding could turn the direction out of the plane's half-space.
+pub(super) fn shears(normal: &[Interval; 3], direction: &[Interval; 3]) -> Option<Pair> {
     let y = *direction;
-    let along = dot(cone.normal, y);
+    let along = dot(*normal, y);
     if along.lower <= 0.0 {
         return None;
     }
     // u v^T = y n^T / (n.y) - y y^T / |y|^2
     let (along, square) = (along.reciprocal()?, dot(y, y).reciprocal()?);
-    let v = [0, 1, 2].map(|j| cone.normal[j] * along - y[j] * square);
+    let v = [0, 1, 2].map(|j| normal[j] * along - y[j] * square);
     let entry = |i: usize, j: usize| y[i] * v[j];
     let unit = |i: usize, j: usize| Interval::exactly(f64::from(u8::from(i == j)));
     let shear = |sign: fn(Interval) -> Interval| [0, 1, 2].map(|i| [0, 1, 2].map(|j| unit(i, j) + sign(entry(i, j))));
     Some([shear(|x| x), shear(|x| -x)])
 }
 
-/// Upper bound of the largest singular value of the radial map on a cone in one direction.
-pub(super) fn stretch(cone: &Cone, direction: &Vec3) -> f64 {
-    shears(cone, &exact_vector(direction)).map_or(f64::INFINITY, |[shear, _]| norm(&shear))
+/// Upper bound of the largest singular value of the radial map on the cone over a plane with this normal, in one direction.
+pub(super) fn stretch(normal: &[Interval; 3], direction: &Vec3) -> f64 {
+    shears(normal, &exact_vector(direction)).map_or(f64::INFINITY, |[shear, _]| norm(&shear))
 }
 
 fn transposed(a: &Matrix) -> Matrix {
@@ -233,6 +232,7 @@ fn largest_row(a: &Matrix) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::cones::Cone;
     use super::*;
     use crate::dilatation::Dilatation;
     use crate::mesh::edge_matrix;
@@ -255,16 +255,16 @@ mod tests {
             prop_assert!(TetMap::roughly(&domain, &image).k() >= own * (1.0 - 1e-9));
 
             let corners = [Vec3::x(), Vec3::y(), Vec3::z()];
-            let (cone, y) = (Cone::over(&corners), Vec3::from(direction));
+            let (normal, y) = (Cone::over(&corners).normal, Vec3::from(direction));
             // The radial map (x + y + z) / |.| of the plane's distance, differentiated by hand.
             let (n, u) = (Vec3::repeat(1.0), y.normalize());
             let radial = u * n.transpose() + (Mat3::identity() - u * u.transpose()) * n.dot(&u);
-            let (bound, want) = (map.largest(map.at(&cone, &y), 0.0), Dilatation::of(&(radial * jacobian)).k());
+            let (bound, want) = (map.largest(map.at(&normal, &y), 0.0), Dilatation::of(&(radial * jacobian)).k());
             prop_assert!(bound >= want * (1.0 - 1e-9) && bound <= want * (1.0 + 1e-9), "{bound} {want}");
             // A shear with sigma - 1 / sigma = tan gamma.
             let tangent = n.cross(&u).norm() / n.dot(&u);
             let sigma = 0.5 * (tangent + (tangent * tangent + 4.0).sqrt());
-            prop_assert!((stretch(&cone, &y) - sigma).abs() < 1e-12);
+            prop_assert!((stretch(&normal, &y) - sigma).abs() < 1e-12);
         }
     }
 

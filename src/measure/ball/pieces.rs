@@ -37,7 +37,7 @@ use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 use std::rc::Rc;
 
-use super::cones::{Cone, Cones};
+use super::cones::{Cone, Cones, SNAP, beside};
 use super::enclosure::{ExactWarp, Norms, Pair, TetMap, shears};
 use super::polygon::Shadow;
 use super::{BallDilatation, attained, of_tet, product};
@@ -49,8 +49,6 @@ const MOST: usize = 3000;
 /// How far a point may lie outside of the simplices that stand for it, relative, for each unit of cancellation: far more than the rounding
 /// of some 40 halvings and cuts.
 const ROUNDING: f64 = 1e-12;
-/// How near a vertex is to a plane through 0 that it is taken to lie on, relative to its distance from 0.
-pub(super) const SNAP: f64 = 1e-12;
 /// Below this part of the tet a simplex may be rounding, and nothing is sampled from it.
 pub(super) const THIN: f64 = 1e-9;
 
@@ -208,7 +206,7 @@ impl<'a> WarpedTet<'a> {
         let (normal, slope) = (middle(&cone.normal), middle(&self.warp.normal()));
         let (at, from) = (middle(&y), middle(&offset));
         let (distance, height) = (normal.dot(&at), slope.dot(&from));
-        let radial = shears(cone, &y).map(|pair| (pair, at / distance));
+        let radial = shears(&cone.normal, &y).map(|pair| (pair, at / distance));
         let warp = self.warp.factors(&offset).map(|pair| (pair, from / height));
         let norms = radial.as_ref().zip(warp.as_ref()).map(|((shear, _), (factor, _))| self.map.between(shear, factor));
         let cancelled = [(size(&self.image), at.norm()), (size(&self.offsets), from.norm())];
@@ -358,13 +356,6 @@ pub(super) fn within(image: &[Vec3; 4], cone: &Cone) -> Vec<Simplex> {
         let values = image.map(|y| beside([p, q], &y));
         simplices.iter().flat_map(|simplex| cut(simplex, &values)).filter(|simplex| !is_flat(simplex)).collect()
     })
-}
-
-/// det(p, q, y), up to rounding; 0 where y is taken to lie on the plane of 0, p and q.
-pub(super) fn beside([p, q]: [&Vec3; 2], y: &Vec3) -> f64 {
-    let normal = p.cross(q);
-    let value = normal.dot(y);
-    if value.abs() <= SNAP * normal.norm() * y.norm() { 0.0 } else { value }
 }
 
 /// The volume of a simplex, as a part of the tet's.

@@ -2,9 +2,8 @@
 
 use std::cmp::Ordering;
 
-use super::cones::{Cap, Cone};
+use super::cones::{Cap, Cone, beside};
 use super::enclosure::{Norms, TetMap};
-use super::pieces::beside;
 use crate::linalg::interval::{Interval, dot};
 use crate::mesh::{Orientation, Vec3, orientation};
 
@@ -170,7 +169,7 @@ impl Polygon {
 }
 
 fn corner(map: &TetMap, cone: &Cone, direction: &Vec3) -> Corner {
-    Corner { direction: *direction, norms: map.at(cone, direction) }
+    Corner { direction: *direction, norms: map.at(&cone.normal, direction) }
 }
 
 /// Both parts of a convex polygon, where a linear function is not negative and where it is not positive (Sutherland and

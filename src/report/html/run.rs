@@ -13,7 +13,7 @@ use crate::dilatation::{lower_bound, number, upper_bound};
 use crate::mesh::io::{read_tet_file, read_tets};
 use crate::mesh::{Boundary, Place, TetMesh, TopologyError, Unit, Vec3};
 use crate::optimize::TraceRow;
-use crate::report::summary::{decimals, percent, point};
+use crate::report::words::{decimals, percent, point};
 use crate::report::{CellRow, MapFigures, Report, START, summary};
 
 /// Bins of a histogram of K.
