@@ -21,6 +21,7 @@ use crate::optimize::{BoundaryValues, OptimizeSettings, StopReason, Tangled, Tra
 use crate::solid::{
     CentreChoice, CentreError, KernelError, Refinement, ShellSettings, Surface, shell_mesh, star_centre,
 };
+use crate::sphere::SphereSettings;
 
 pub use error::ArrayError;
 use maps::rows;
@@ -206,7 +207,7 @@ fn mapped(
     let (centre, start, second) = match radial {
         Some((centre, start)) => (Some(centre), start, None),
         None => {
-            let starts = spherical_starts(&domain)?;
+            let starts = spherical_starts(&domain, &SphereSettings::default())?;
             (None, starts.hyperbolic, Some(starts.harmonic))
         }
     };

@@ -6,6 +6,7 @@ use super::{Config, ExponentName, ExponentValue, MapKind, MapTable, MeshKind, so
 use crate::map::AnalyticMap;
 use crate::map::analytic::MapError;
 use crate::solid::CentreChoice;
+use crate::sphere::SphereSettings;
 
 /// The map to start from.
 #[derive(Clone, Debug, PartialEq)]
@@ -21,7 +22,10 @@ pub enum InitialMap {
         exponent: Option<f64>,
     },
     /// The boundary onto the sphere by progressive embedding, the inside hyperbolic harmonic.
-    Spherical,
+    Spherical {
+        /// What the boundary's map weighs.
+        weights: SphereSettings,
+    },
     /// The radial map's extension to solids that are not star-shaped, with the exponent a > 0.
     Farthest {
         /// Exponent a > 0.
@@ -62,11 +66,17 @@ fn radial_exponent(table: &MapTable) -> Result<Option<f64>, Fault> {
 }
 
 fn spherical(table: &MapTable) -> Result<InitialMap, Fault> {
-    if let Some(key) = given(table).keys().find(|key| *key != "kind") {
-        let message = format!("`{key}` is no parameter of a spherical map, which has none");
+    if let Some(key) = given(table).keys().find(|key| !["kind", "area_weight"].contains(&key.as_str())) {
+        let message = format!("`{key}` is no parameter of a spherical map, which has `area_weight`");
         return Err(Fault::at(&["map", key], message, "remove it, or choose the kind of the map that it belongs to"));
     }
-    Ok(InitialMap::Spherical)
+    let usual = SphereSettings::default();
+    let area_weight = table.area_weight.unwrap_or(usual.area_weight);
+    if !(0.0..f64::INFINITY).contains(&area_weight) {
+        let message = format!("`map.area_weight` is {area_weight}, but must be finite and at least 0");
+        return Err(Fault::at(&["map", "area_weight"], message, "give a number such as 0.1"));
+    }
+    Ok(InitialMap::Spherical { weights: SphereSettings { area_weight, ..usual } })
 }
 
 fn only_radial() -> Fault {

@@ -288,6 +288,9 @@ pub struct MapTable {
     /// Half a side of the square, or the radius of the round cylinder, > 0 (zorich1, zorich2, zorich).
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub half_side: Option<f64>,
+    /// How much areas count beside angles in the boundary's map onto the sphere, >= 0 (spherical). Default: 0, angles only.
+    #[schemars(range(min = 0.0))]
+    pub area_weight: Option<f64>,
     /// Maps in the order in which they are applied, each with its `kind` and parameters (composition).
     pub maps: Option<Vec<AnalyticMap>>,
 }

@@ -5,6 +5,7 @@ use crate::mesh::Vec3;
 use crate::optimize::{Effort, Engine, Objective, OptimizeSettings};
 use crate::refine::{Budget, RefineSettings};
 use crate::solid::{CentreChoice, ExternalMesher, ExternalSettings, Refinement, ShellSettings, Sizing, Solid};
+use crate::sphere::SphereSettings;
 
 /// A config file in a folder of its own, named `case.toml`.
 fn plan(text: &str, overrides: &[&str]) -> Result<Plan, ConfigError> {
@@ -192,7 +193,10 @@ fn maps_in_closed_form_are_read_as_in_the_table_analytic() {
     assert_eq!(map(&format!("kind = \"composition\"\nmaps = {maps}"), &[]), composed);
     assert_eq!(map("kind = \"caraman\"\nexponent = 2", &[]), InitialMap::Radial { exponent: Some(2.0) });
     assert_eq!(map("exponent = 2", &[]), InitialMap::Auto { exponent: Some(2.0) });
-    assert_eq!(map("kind = \"spherical\"", &[]), InitialMap::Spherical);
+    let spherical =
+        |area_weight| InitialMap::Spherical { weights: SphereSettings { area_weight, ..SphereSettings::default() } };
+    assert_eq!(map("kind = \"spherical\"", &[]), spherical(0.0));
+    assert_eq!(map("kind = \"spherical\"\narea_weight = 0.5", &[]), spherical(0.5));
 }
 
 #[test]
@@ -342,7 +346,7 @@ fn the_schema_describes_every_key() {
         }
         assert_eq!(table["additionalProperties"], false);
     }
-    assert_eq!(described, 99, "keys in the schema");
+    assert_eq!(described, 100, "keys in the schema");
     let text = schema.to_string();
     for solid in ["\"tetrahedron\"", "\"star-polyhedron\""] {
         assert!(text.contains(solid), "{solid}");

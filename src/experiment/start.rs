@@ -21,6 +21,7 @@ use crate::solid::{
     CentreError, ExternalSettings, KernelError, Refinement, ShellSettings, StarCentre, Surface, best_radial_exponent,
     check_filled, external_mesh, flag_mesh, inscribed_stretch, radial_max_dilatation, shell_mesh, star_centre,
 };
+use crate::sphere::SphereSettings;
 
 /// A domain and a map of it.
 #[derive(Clone)]
@@ -224,7 +225,7 @@ impl Start {
         let domain = Domain::new(shell.mesh)?;
         let start = match &plan.map {
             InitialMap::Formula(map) => Self::of_formula(domain, map, unit)?,
-            InitialMap::Spherical => Self::of_sphere(domain)?,
+            InitialMap::Spherical { weights } => Self::of_sphere(domain, weights)?,
             _ => Self::of_rays(domain, surface, Some(centre), &coordinates, plan),
         };
         let slivers = is_grazed(&centre, plan).then(|| {
@@ -261,17 +262,17 @@ impl Start {
             (InitialMap::Formula(map), _) => return Ok(Self { splits, ..Self::of_formula(domain, map, unit)? }),
             // The plan allows "farthest" only with a rule that names a point for any solid.
             (InitialMap::Farthest { .. }, Some(point)) => (point, None, RayEnd::Farthest),
-            (InitialMap::Spherical, _) => return Ok(Self { splits, ..Self::of_sphere(domain)? }),
+            (InitialMap::Spherical { weights }, _) => return Ok(Self { splits, ..Self::of_sphere(domain, weights)? }),
             (map, _) => match star_centre(surface, &plan.centre) {
                 Err(CentreError::Kernel(KernelError::NotStarShaped { .. }))
                     if matches!(map, InitialMap::Auto { .. }) =>
                 {
-                    return Ok(Self { splits, ..Self::of_sphere(domain)? });
+                    return Ok(Self { splits, ..Self::of_sphere(domain, &SphereSettings::default())? });
                 }
                 centre => {
                     let centre = centre?;
                     if is_grazed(&centre, plan)
-                        && let Ok(start) = Self::of_sphere(domain.clone())
+                        && let Ok(start) = Self::of_sphere(domain.clone(), &SphereSettings::default())
                     {
                         let warning = format!(
                             "{}: its boundary was mapped as that of any solid; map.kind = \"radial\" keeps to the rays",
@@ -307,7 +308,7 @@ impl Start {
         let (kind, given) = match &plan.map {
             InitialMap::Farthest { exponent } => ("farthest", Some(*exponent)),
             InitialMap::Auto { exponent } | InitialMap::Radial { exponent } => ("radial", *exponent),
-            InitialMap::Spherical | InitialMap::Formula(_) => ("radial", None),
+            InitialMap::Spherical { .. } | InitialMap::Formula(_) => ("radial", None),
         };
         let best = || position.map(|position| best_radial_exponent(surface, &position));
         let exponent = given.or_else(best).unwrap_or(1.0);
@@ -323,8 +324,8 @@ impl Start {
     }
 
     /// The boundary onto the sphere by progressive embedding, the inside in balance between its neighbours.
-    fn of_sphere(domain: Domain) -> Result<Self, Fault> {
-        let starts = spherical_starts(&domain)?;
+    fn of_sphere(domain: Domain, weights: &SphereSettings) -> Result<Self, Fault> {
+        let starts = spherical_starts(&domain, weights)?;
         let map = MapFigures {
             map: Self::FIRST.into(),
             radial_exponent: None,
@@ -381,7 +382,8 @@ impl Start {
 
     /// The same domain with a spherical start, if one may take this one's place and the boundary has a map onto the sphere.
     pub fn in_spherical(&self) -> Option<Self> {
-        let sphere = self.may_be_spherical.then(|| Self::of_sphere(self.domain.clone()).ok())??;
+        let sphere =
+            self.may_be_spherical.then(|| Self::of_sphere(self.domain.clone(), &SphereSettings::default()).ok())??;
         let mut warnings = self.warnings.clone();
         warnings.push(
             "the solid is star-shaped, but tets of the radial start resisted untangling: the map started from is the spherical one"

@@ -17,15 +17,15 @@ pub struct SphericalStarts {
     pub distortion: SphereDistortion,
 }
 
-/// Maps the boundary of a domain onto the unit sphere by progressive embedding ([`sphere_map`]) and the inside after it
+/// Maps the boundary of a domain onto the unit sphere by progressive embedding ([`sphere_map`]), with these weights, and the inside after it
 /// ([`hyperbolic_harmonic`] and [`harmonic()`]).
 ///
 /// # Errors
 /// A domain that is not a ball, or a boundary on which [`sphere_map`] fails.
-pub fn spherical_starts(domain: &Domain) -> Result<SphericalStarts, SphereError> {
+pub fn spherical_starts(domain: &Domain, settings: &SphereSettings) -> Result<SphericalStarts, SphereError> {
     // The surface's vertices are those of the boundary, in their order.
     let surface = Surface::from_triangles(domain.mesh().points().to_vec(), domain.boundary().triangles())?;
-    let on_sphere = sphere_map(&surface, &SphereSettings::default())?;
+    let on_sphere = sphere_map(&surface, settings)?;
     let mut boundary_image = vec![Vec3::zeros(); domain.mesh().points().len()];
     let on_boundary = domain.boundary().vertex_mask().iter().zip(&mut boundary_image).filter(|(on, _)| **on);
     on_boundary.zip(on_sphere.positions()).for_each(|((_, image), position)| *image = *position);

@@ -204,7 +204,7 @@ fn make(plan: &Plan, files: &Files, findings: &mut Findings) -> Result<Start, Ru
         // Shells have a star centre.
         (DomainSource::Solid(_) | DomainSource::Surface(_), MeshPlan::Auto { external, .. })
             if files.report.domain.centre.is_none()
-                && !matches!(plan.map, InitialMap::Formula(_) | InitialMap::Spherical) =>
+                && !matches!(plan.map, InitialMap::Formula(_) | InitialMap::Spherical { .. }) =>
         {
             findings.trust(
                 "that TetGen or Gmsh made the tets, of which only that they fill the solid was checked, and the splits",
