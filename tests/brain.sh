@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # A brain, results/brain: the inflated, pial and white surface of the left hemisphere of fsaverage5 (10,242 vertices each) on the sphere,
-# and filled by TetGen, its triangles kept, and mapped onto the ball from there, boundary values fixed. Needs TetGen.
+# and filled by TetGen, its triangles kept, and mapped onto the ball from there, the boundary's values fixed and then sliding. Needs TetGen.
 #
 #   tests/brain.sh DATA RUNS [QCBALL [ITERATIONS]]      by default target/release/qcball, and at most 400 iterations
 #
@@ -14,13 +14,16 @@ cd "$(dirname "$0")/.."
 qcball=$(realpath "${3:-target/release/qcball}") iterations=${4:-400}
 mkdir -p results/brain
 for surface in infl pial white; do
-    file=$data/${surface}_left.gii.gz case=$runs/$surface
+    file=$data/${surface}_left.gii.gz
     "$qcball" sphere "$file" "$runs/$surface.off" --json > "$runs/$surface-sphere.json"
-    if [ ! -e "$case/report.json" ]; then
-        printf '[domain]\nfile = "%s"\n[mesh]\nkind = "tetgen"\nkeep_boundary = true\nprogram_time_limit = 900\n[map]\nkind = "spherical"\n[optimize]\nmax_iterations = %s\n' \
-            "$file" "$iterations" > "$case.toml"
-        "$qcball" run "$case.toml" --out "$case" --threads 1 --quiet || [ $? = 1 ]
-    fi
+    for values in fixed sliding; do
+        case=$runs/$surface-$values
+        if [ ! -e "$case/report.json" ]; then
+            printf '[domain]\nfile = "%s"\n[mesh]\nkind = "tetgen"\nkeep_boundary = true\nquality = 1.2\nprogram_time_limit = 900\n[map]\nkind = "spherical"\n[boundary]\nvalues = "%s"\n[optimize]\nmax_iterations = %s\n' \
+                "$file" "$values" "$iterations" > "$case.toml"
+            "$qcball" run "$case.toml" --out "$case" --threads 1 --quiet || [ $? = 1 ]
+        fi
+    done
 done
 {
     cat <<'TEXT'
@@ -42,23 +45,24 @@ TEXT
     done
     cat <<TEXT
 
-The solids, meshed by TetGen with the triangles kept, boundary fixed, at most $iterations iterations: *start*: flipped tets of the start, *splits*: edges halved
-for them; *K deviation* and *volume*: standard deviations of K and of the ratio of volumes, and of its logarithm, over the tets.
+The solids, meshed by TetGen with the triangles kept, at most $iterations iterations, one thread: *start*: flipped tets of the start, *splits*: edges halved
+for them; *K deviation* and *volume*: standard deviations of K and of the ratio of volumes, and of its logarithm, over the tets; *CPU*: all of a run.
 
-| surface | tets | start | splits | trace bound | best bound | max K | mean K | K deviation | volume | log volume | K onto the ball | bijective | stop |
-|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|---|---|
+| surface | boundary | tets | start | splits | trace bound | best bound | max K | mean K | K deviation | volume | log volume | K onto the ball | bijective | stop | CPU, s |
+|---|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|---|---|
 TEXT
     for surface in infl pial white; do
-        jq -r --arg name "$surface" '
+        for values in fixed sliding; do jq -r --arg name "$surface" --arg values "$values" '
             def digits($n): if . == null then "-" else . * pow(10; $n) | round / pow(10; $n) | tostring end;
             def bound($name): [.bounds[] | select(.name == $name) | .value] | max | digits(2);
-            [ $name, .domain.tets, .untangling.flipped_before // 0, .untangling.refinement_splits // 0, bound("trace"),
+            [ $name, $values, .domain.tets, .untangling.flipped_before // 0, .untangling.refinement_splits // 0, bound("trace"),
               (.best_bound | digits(2)), (.final.max_k | digits(2)), (.final.mean_k | digits(2)), (.distortion.k_deviation? | digits(2)),
               (.distortion.volume_ratio_deviation? | digits(2)), (.distortion.log_volume_ratio_deviation? | digits(2)),
-              (.final.ball_k.certified? | digits(2)), (if .bijective then "yes" else "no" end), .stop ]
-            | "| " + (map(tostring) | join(" | ")) + " |"' "$runs/$surface/report.json"
+              (.final.ball_k.certified? | digits(2)), (if .bijective then "yes" else "no" end), .stop, (.cpu_seconds | round) ]
+            | "| " + (map(tostring) | join(" | ")) + " |"' "$runs/$surface-$values/report.json"
+        done
     done
 } > "$runs/table.md"
 cp "$runs/table.md" results/brain/table.md
-"$qcball" picture "$runs/pial/domain.vtu" "$runs/pial/image.vtu" results/pictures/brain.png
+"$qcball" picture "$runs/pial-fixed/domain.vtu" "$runs/pial-fixed/image.vtu" results/pictures/brain.png
 echo results/brain/table.md

@@ -153,7 +153,7 @@ fn gmsh_tags_may_be_any_numbers() {
 }
 
 #[test]
-fn tetgen_files_count_from_either_and_name_their_attributes() {
+fn tetgen_files_count_from_either_name_their_attributes_and_may_have_more_to_a_line() {
     let folder = tempfile::tempdir().unwrap();
     let put = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
     put("a.node", "# from one\n4 3 1 1 # with a marker\n\n1 0 0 0 5 -1\n2 1 0 0 5 -1\n3 0 1 0 5 -1\n4 0 0 1 5 -1\n");
@@ -161,4 +161,11 @@ fn tetgen_files_count_from_either_and_name_their_attributes() {
     let file = read_tet_file(&folder.path().join("a.ele")).unwrap();
     assert_eq!(file.soup.tets, [[0, 1, 2, 3].map(VertexId)]);
     assert_eq!(file.cell_data, [("attribute 1".to_owned(), vec![7.0]), ("attribute 2".to_owned(), vec![0.5])]);
+
+    // Markers that the first line does not announce, as Chaste writes them.
+    put("b.node", "4 3 0 0\n0 0 0 0 1\n1 1 0 0 1\n2 0 1 0 1\n3 0 0 1 1\n");
+    put("b.ele", "1 4 0\n0 0 1 2 3 9 # a region\n");
+    let file = read_tet_file(&folder.path().join("b.ele")).unwrap();
+    assert_eq!((file.soup.points[3], file.soup.tets), ([0.0, 0.0, 1.0].into(), vec![[0, 1, 2, 3].map(VertexId)]));
+    assert!(file.cell_data.is_empty());
 }

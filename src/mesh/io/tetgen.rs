@@ -53,6 +53,7 @@ pub(super) fn parse_nodes(bytes: &[u8]) -> Result<Nodes, Fault> {
             nodes.coordinates.push(tokens.number("a coordinate", "a number")?);
         }
         skip(&mut tokens, attributes.saturating_add(markers))?;
+        pass_over_line(&mut tokens);
     }
     Ok(nodes)
 }
@@ -90,6 +91,7 @@ pub(super) fn parse_tets(bytes: &[u8], nodes: Nodes) -> Result<Contents, Fault> 
         for (_, values) in &mut cell_data {
             values.push(tokens.number("an attribute of a tet", "a number")?);
         }
+        pass_over_line(&mut tokens);
     }
     cells.finish(nodes.coordinates, cell_data)
 }
@@ -105,6 +107,12 @@ fn header(tokens: &mut Tokens, what: &str, mut numbers: [u64; 4]) -> Result<[u64
         }
     }
     Ok(numbers)
+}
+
+/// What a line has beyond what the first line promises, as TetGen does: there are files whose markers are not announced.
+fn pass_over_line(tokens: &mut Tokens) {
+    let line = tokens.line();
+    while tokens.next_if(|token| token.line == line).is_some() {}
 }
 
 fn check_number(tokens: &Tokens, number: i64, first: i64, entry: u64, what: &str) -> Result<(), Fault> {
