@@ -109,13 +109,16 @@ fn the_condensed_system_adds_the_constraints_outer_products() {
     let mut assembly = Assembly::new(&domain, &Unknowns::of_mask(&fixed), Method::Direct).unwrap();
     let iterate = assembly.at(image.clone());
     let along = direction(3 * assembly.free().len(), 1);
+    let slack = 0.01;
+    let [loose, condensed] = [f64::INFINITY, slack].map(|slack| lagrangian(&domain, &image, slack, 0.2));
+    // The column of the bound as well: a constraint falls by as much as the bound rises.
+    let [mut expected_column, column] = [&loose, &condensed]
+        .map(|problem| assembly.gradient_of_logs(&iterate, |tet, logs| problem.mixed_slopes(tet, logs)).unwrap());
     let mut product = |problem: &PrimalDual| {
         assembly.linearize(problem, &iterate, 1.0).unwrap();
         assembly.system().multiply(&along)
     };
-    let slack = 0.01;
-    let condensed = lagrangian(&domain, &image, slack, 0.2);
-    let mut expected = product(&lagrangian(&domain, &image, f64::INFINITY, 0.2));
+    let mut expected = product(&loose);
     let got = product(&condensed);
     let displacement = moved(&assembly, &vec![Vec3::zeros(); image.len()], &along, 1.0);
     for (tet, pair) in condensed.near_active.iter().enumerate() {
@@ -128,14 +131,17 @@ fn the_condensed_system_adds_the_constraints_outer_products() {
                 for (g, _) in function.gradient.iter().zip(corners).filter(|(_, corner)| corner.0 == v) {
                     for axis in 0..3 {
                         expected[3 * i + axis] += constraint.multiplier / slack * change * g[axis];
+                        expected_column[3 * i + axis] -= constraint.multiplier / slack * g[axis];
                     }
                 }
             }
         }
     }
-    let scale = dot(&expected, &expected).sqrt();
-    for (got, expected) in got.iter().zip(&expected) {
-        assert!((got - expected).abs() < 1e-12 * scale);
+    for (got, expected) in [(got, expected), (column, expected_column)] {
+        let scale = dot(&expected, &expected).sqrt();
+        for (got, expected) in got.iter().zip(&expected) {
+            assert!((got - expected).abs() < 1e-12 * scale);
+        }
     }
 }
 
