@@ -79,6 +79,39 @@ fn a_power_at_the_corners_of_a_cube_lowers_k_and_every_file_has_it() {
     for (x, row) in rows("x.csv").iter().zip(rows("back.csv")) {
         assert!(x.iter().zip(&row[5..]).all(|(a, b)| (a - b).abs() < 1e-10), "{x:?} {row:?}");
     }
+    // As a piecewise-linear map, finer towards the corners, that other programs read.
+    let (code, said, err) = qcball(folder.path(), &["evaluate", "power", "linear-power", "--refine", "6"]);
+    assert_eq!((code, err.as_str()), (0, ""));
+    let (code, measured, _) =
+        qcball(folder.path(), &["measure", "linear-power/domain.vtu", "linear-power/image.vtu", "--json"]);
+    let measured: Value = serde_json::from_str(&measured).unwrap();
+    let number = |before: &str| -> f64 {
+        let rest = &said[said.find(before).unwrap() + before.len()..];
+        rest.split([' ', ';']).next().unwrap().parse().unwrap()
+    };
+    let k = measured["map"]["max_k"].as_f64().or(measured["summary"]["max_k"].as_f64()).unwrap();
+    assert!(code == 0 && (number("; K ") / k - 1.0).abs() < 1e-3, "{said} {measured}");
+    // At a corner a linear map needs 4.4 at least, off the corners this one has what the powers have, to 2^(0.3 / 6) and its powers.
+    let off = number("is linear, ");
+    assert!(k > 4.0 && off < 1.1 * max_k(&power) && off > 0.95 * max_k(&power), "{said}");
+    let of = |name: &str| {
+        assert_eq!(qcball(folder.path(), &["evaluate", name, "x.csv", "z.csv"]).0, 0);
+        rows("z.csv").iter().map(|row| [row[5], row[6], row[7]]).collect::<Vec<_>>()
+    };
+    for (a, b) in of("power").iter().zip(of("linear-power")) {
+        // Thirty-six layers: the last is 1/64 of the cone, and the chord of r^1.3 over a layer is off by (ln 2 / 6)^2 / 8 * 0.4.
+        assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-2), "{a:?} {b:?}");
+    }
+    for (arguments, part) in [
+        (&["evaluate", "linear", "o", "--refine", "2"][..], "the map is piecewise linear"),
+        (&["evaluate", "power", "o", "--refine", "0"][..], "0 is not in 1..=16"),
+        (&["evaluate", "power", "x.csv", "o", "--refine", "2"][..], "cannot be used with"),
+        (&["evaluate", "power", "power", "--refine", "2"][..], "is one of the inputs"),
+        (&["evaluate", "power", "o.csv"][..], "required"),
+    ] {
+        let (code, _, err) = qcball(folder.path(), arguments);
+        assert!(code == 2 && err.contains(part), "{arguments:?}: {err}");
+    }
     // Without its corners the map is another one.
     assert_eq!(qcball(folder.path(), &["evaluate", "linear", "x.csv", "z.csv", "--onto", "ball"]).0, 0);
     assert!((rows("z.csv")[0][5] - rows("y.csv")[0][5]).abs() > 1e-3);
@@ -131,9 +164,8 @@ fn exponents_are_found_that_are_no_worse_than_none() {
     assert!(max_k(&power) < max_k(&linear), "{} {}", max_k(&power), max_k(&linear));
     let exponents: Vec<f64> =
         power["corners"].as_array().unwrap().iter().map(|corner| corner["exponent"].as_f64().unwrap()).collect();
-    // (2 pi / omega)^s is at most the square root of 2 pi / omega, 2.15.
+    // At 2.15, the root of 2 pi over the solid angle, the bound by solid angles is 1.
     assert!(exponents.len() == 6 && exponents.iter().all(|&p| 1.0 < p && p < 2.15), "{exponents:?}");
-    assert!(exponents.iter().all(|p| (p - exponents[0]).abs() < 1e-12));
     assert_eq!(qcball(folder.path(), &["verify", "power"]).0, 0);
 }
 
@@ -214,6 +246,9 @@ fn corners_without_sense_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let solid = "v 1 1 1\nv 1 -1 -1\nv -1 1 -1\nv -1 -1 1\nf 1 2 3\nf 1 4 2\nf 1 3 4\nf 2 4 3\n";
     fs::write(folder.path().join("tetrahedron.obj"), solid).unwrap();
+    let shells =
+        "[domain]\nfile = \"tetrahedron.obj\"\n[mesh]\nsubdivisions = 1\nlayers = 2\n[optimize]\nmax_iterations = 0\n";
+    report(folder.path(), "shells", shells, &[]);
     for (config, part) in [
         (format!("{FLAGS}[boundary]\ncorners = -1\n"), "a.toml:9: `boundary.corners` is -1"),
         (format!("{FLAGS}[boundary]\ncorners = 0\n"), "a.toml:9: `boundary.corners` is 0"),
@@ -223,9 +258,17 @@ fn corners_without_sense_are_refused() {
         (format!("{FLAGS}[boundary]\ncorners = 2\n[bounds]\ncertify = true\n"), "a.toml:11: the Gram certificate"),
         ("[domain]\nsolid = \"ball\"\nresolution = 2\n[boundary]\ncorners = 2\n".into(), "the solid has no corners"),
         (
-            "[domain]\nfile = \"tetrahedron.obj\"\n[mesh]\nsubdivisions = 1\n[boundary]\ncorners = 1.1\n".into(),
-            "has two corners, vertices",
+            "[domain]\nfile = \"shells/domain.vtu\"\nkeep_mesh = true\n[boundary]\ncorners = 1.1\n".into(),
+            "has to be halved (which domain.keep_mesh",
         ),
+        (format!("{FLAGS}[boundary]\ncorner_vertices = [1]\n"), "corners are listed, but the map is linear"),
+        (format!("{FLAGS}[boundary]\ncorners = 2\ncorner_vertices = []\n"), "`boundary.corner_vertices` is empty"),
+        (format!("{FLAGS}[boundary]\ncorners = 2\ncorner_vertices = [-1]\n"), "vertices are counted from 0"),
+        (format!("{FLAGS}[boundary]\ncorners = 2\ncorner_vertices = [3, 3]\n"), "names 3 twice"),
+        // The centre is the first vertex of a mesh of flags.
+        (format!("{FLAGS}[boundary]\ncorners = 2\ncorner_vertices = [0]\n"), "vertex 0 is not on the boundary"),
+        (format!("{FLAGS}[boundary]\ncorners = 2\ncorner_vertices = [9999]\n"), "which has the vertices 0 to"),
+        (format!("{FLAGS}[boundary]\ncorners = 2\ncorner_vertices = [1]\n"), "no corner of the polyhedron"),
     ] {
         fs::write(folder.path().join("a.toml"), &config).unwrap();
         let (code, out, err) = qcball(folder.path(), &["run", "a.toml", "--out", "run"]);
@@ -233,4 +276,48 @@ fn corners_without_sense_are_refused() {
         assert!(err.contains(part), "{config}: {err}");
         assert!(!folder.path().join("run").exists());
     }
+}
+
+#[test]
+fn corners_of_a_given_mesh_are_parted_and_listed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    // A tetrahedron in shells, whose six edges join corners, as a mesh that is given.
+    let solid = "v 1 1 1\nv 1 -1 -1\nv -1 1 -1\nv -1 -1 1\nf 1 2 3\nf 1 4 2\nf 1 3 4\nf 2 4 3\n";
+    fs::write(path.join("tetrahedron.obj"), solid).unwrap();
+    let shells = "[domain]\nfile = \"tetrahedron.obj\"\n[mesh]\nsubdivisions = 1\nlayers = 3\n";
+    report(path, "shells", shells, &["--set", "optimize.max_iterations=0"]);
+    let given = "[domain]\nfile = \"shells/domain.vtu\"\n";
+    let sliding = |corners: &str| format!("{given}[boundary]\nvalues = \"sliding\"\ncorners = {corners}\n");
+    let power = report(path, "power", &sliding("\"power\""), &["--threads", "1"]);
+    let one = report(path, "one", &sliding("1"), &["--threads", "1"]);
+    assert_eq!((power["splits"]["corners"].as_u64(), power["stop"].as_str()), (Some(6), Some("optimal")));
+    assert!(power["kkt"]["stationarity"].as_f64().is_none_or(|kkt| kkt <= 1e-6), "{}", power["kkt"]);
+    assert_eq!(power["splits"], one["splits"]);
+    assert!(max_k(&power) < 0.9 * max_k(&one), "{} {}", max_k(&power), max_k(&one));
+    let exponents = |run: &Value| -> Vec<f64> {
+        run["corners"].as_array().unwrap().iter().map(|corner| corner["exponent"].as_f64().unwrap()).collect()
+    };
+    assert!(exponents(&power).len() == 4 && exponents(&power).iter().all(|&p| p > 1.0), "{:?}", exponents(&power));
+    let (code, said, _) = qcball(path, &["verify", "power"]);
+    assert!(code == 0 && said.ends_with("\nverified\n"), "{said}");
+    let summary = fs::read_to_string(path.join("power/summary.txt")).unwrap();
+    assert!(summary.contains("6 edges between corners"), "{summary}");
+    // One corner, with an exponent of its own.
+    let corner = power["corners"][0]["vertex"].as_u64().unwrap();
+    let listed = report(path, "listed", &format!("{}corner_vertices = [{corner}]\n", sliding("1.5")), &[]);
+    assert_eq!((exponents(&listed), listed["corners"][0]["vertex"].as_u64()), (vec![1.5], Some(corner)));
+    assert_eq!(listed["splits"]["corners"].as_u64(), None);
+    assert_eq!(qcball(path, &["verify", "listed"]).0, 0);
+    // Changed on a star, too.
+    let name = path.join("listed/corners.csv");
+    let text = fs::read_to_string(&name).unwrap();
+    fs::write(&name, text.replace(",1.5\n", ",1.49\n")).unwrap();
+    let (code, said, _) = qcball(path, &["verify", "listed"]);
+    assert!(code == 1 && said.contains("other corners or exponents than the report"), "{said}");
+    // The surface meshed here: its shells are split, too.
+    let shells = format!("{shells}[boundary]\ncorners = 1.5\n");
+    let shells = report(path, "split", &shells, &[]);
+    assert_eq!(shells["splits"]["corners"].as_u64(), Some(6));
+    assert_eq!(qcball(path, &["verify", "split"]).0, 0);
 }

@@ -1,6 +1,7 @@
-//! `qcball evaluate RESULT POINTS OUT`: the map of a results folder, or its inverse, at given points.
+//! `qcball evaluate RESULT POINTS OUT`: the map of a results folder, or its inverse, at given points; `--refine`: as a map without
+//! powers at the corners.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use rayon::prelude::*;
@@ -8,20 +9,29 @@ use rayon::prelude::*;
 use super::inputs::{read_map, refuse_to_write_over};
 use super::output::{note, print};
 use super::{Ending, Failure};
-use crate::map::{Evaluator, EvaluatorError, Located, Onto, bijectivity};
-use crate::mesh::io::{DataArray, Values, check_points_can_be_written, read_points_under, read_tet_file, shown_path};
-use crate::mesh::{Unit, Vec3};
+use crate::dilatation::number;
+use crate::domain::Domain;
+use crate::experiment::GivenMap;
+use crate::map::{Corners, Evaluator, EvaluatorError, Located, Onto, bijectivity};
+use crate::measure::{measure, measure_elements};
+use crate::mesh::io::{
+    DataArray, Values, check_points_can_be_written, read_points_under, read_tet_file, shown_path, write_vtu,
+};
+use crate::mesh::{MeshError, TopologyError, Unit, Vec3};
 use crate::report::read_corners;
+use crate::solid::MOST_TETS;
 
 /// The map, the points and what to do with them.
 #[derive(Debug, Args)]
+#[command(allow_missing_positional = true)]
 pub(crate) struct EvaluateArguments {
     /// The folder of a run, or another with a domain.vtu and an image.vtu.
     result: PathBuf,
     /// The points: a .csv file with columns x, y and z, or what this command wrote in the other direction, or the points of any mesh
-    /// or surface file.
-    points: PathBuf,
-    /// The file for the points and their images: .csv or .vtu.
+    /// or surface file. With --refine, none.
+    #[arg(required_unless_present = "refine")]
+    points: Option<PathBuf>,
+    /// The file for the points and their images: .csv or .vtu. With --refine, the folder for domain.vtu and image.vtu.
     out: PathBuf,
     /// What the map is taken onto.
     #[arg(long, value_name = "IMAGE", value_enum, default_value = "polyhedron")]
@@ -29,6 +39,10 @@ pub(crate) struct EvaluateArguments {
     /// The points are points of the image; find those of the domain that go there.
     #[arg(long)]
     inverse: bool,
+    /// Write the piecewise-linear map, for programs that know of no powers at corners, which agrees with the map at the vertices of a
+    /// finer mesh: n^2 layers about each corner, n of them to each halving of the distance.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16), conflicts_with_all = ["points", "onto", "inverse"])]
+    refine: Option<u32>,
 }
 
 /// The words for [`Onto`].
@@ -49,19 +63,34 @@ pub(crate) enum EvaluateFailure {
     Corners { folder: PathBuf, message: String },
     #[error("{}: {error}", shown_path(folder))]
     Map { folder: PathBuf, error: EvaluatorError },
+    #[error(
+        "{}: the map is piecewise linear, and has no corners to refine it at; take its domain.vtu and image.vtu",
+        shown_path(folder)
+    )]
+    NoCorners { folder: PathBuf },
+    #[error("{}: cut in layers: {error}", shown_path(folder))]
+    Topology { folder: PathBuf, error: TopologyError },
+    #[error("{}: {error}; ask for less than --refine {n}", shown_path(folder))]
+    Flat { folder: PathBuf, error: MeshError, n: u32 },
+    #[error("{}: --refine {n} cuts its {tets} tets into more than {MOST_TETS}; ask for less", shown_path(folder))]
+    TooLarge { folder: PathBuf, tets: usize, n: u32 },
 }
 
 /// `qcball evaluate`.
 pub(super) fn evaluate(arguments: &EvaluateArguments) -> Result<Ending, Failure> {
-    let EvaluateArguments { result: folder, points, out, onto, inverse } = arguments;
-    check_points_can_be_written(out)?;
+    let EvaluateArguments { result: folder, points, out, onto, inverse, refine } = arguments;
+    if refine.is_none() {
+        check_points_can_be_written(out)?;
+    }
     let [domain, image] = ["domain.vtu", "image.vtu"].map(|name| folder.join(name));
     if !(domain.is_file() && image.is_file()) {
         return Err(EvaluateFailure::NoMap { folder: folder.clone() }.into());
     }
-    refuse_to_write_over([&domain, &image, points], [out])?;
+    let refined = ["domain.vtu", "image.vtu"].map(|name| out.join(name));
+    refuse_to_write_over([&domain, &image].into_iter().chain(points), refined.iter().chain([out]))?;
     // What one direction wrote is what the other reads.
-    let table = read_points_under(points, if *inverse { "image_" } else { "domain_" })?;
+    let table = points.as_ref().map(|points| read_points_under(points, if *inverse { "image_" } else { "domain_" }));
+    let table = table.transpose()?;
     let map = read_map(&domain, &image)?;
     let onto = match onto {
         Target::Polyhedron => Onto::Polyhedron,
@@ -70,6 +99,9 @@ pub(super) fn evaluate(arguments: &EvaluateArguments) -> Result<Ending, Failure>
     let data = read_tet_file(&domain)?.cell_data;
     let corners = read_corners(folder, &map.domain, &data)
         .map_err(|message| EvaluateFailure::Corners { folder: folder.clone(), message })?;
+    let Some(table) = table else {
+        return write_refined(folder, &map, corners.as_ref(), refine.unwrap_or(1), &refined);
+    };
     let evaluator = Evaluator::new(&map.domain, &map.image, onto)
         .map_err(|error| EvaluateFailure::Map { folder: folder.clone(), error })?;
     let evaluator = match &corners {
@@ -124,4 +156,62 @@ pub(super) fn evaluate(arguments: &EvaluateArguments) -> Result<Ending, Failure>
     table.write(out, &columns, &data)?;
     let outside = inside.iter().filter(|&&inside| !inside).count();
     print(&format!("{} points, {outside} of them outside; {}\n", inside.len(), shown_path(out)))
+}
+
+/// `--refine`: writes the piecewise-linear map, and says what K it has.
+fn write_refined(
+    folder: &Path,
+    map: &GivenMap,
+    corners: Option<&Corners>,
+    n: u32,
+    [domain, image]: &[PathBuf; 2],
+) -> Result<Ending, Failure> {
+    let folder = folder.to_path_buf();
+    let Some(corners) = corners else { return Err(EvaluateFailure::NoCorners { folder }.into()) };
+    // Each layer cuts a tet into at most four more.
+    let warped = corners.of_tets().iter().flatten().count();
+    let tets = map.domain.mesh().tets().len();
+    if warped.saturating_mul(4 * (n * n) as usize) > MOST_TETS {
+        return Err(EvaluateFailure::TooLarge { folder, tets, n }.into());
+    }
+    let linear = corners.piecewise_linear(&map.domain, &map.image, n).map_err(|error| EvaluateFailure::Flat {
+        folder: folder.clone(),
+        error,
+        n,
+    })?;
+    let finer = Domain::any_topology(linear.mesh);
+    let finer = finer.map_err(|error| EvaluateFailure::Topology { folder: folder.clone(), error })?;
+    let measured = measure(&finer, &linear.image);
+    let exact = measure_elements(&map.domain, &corners.elements(&map.domain), &map.image).summary.max_k;
+    let tips: Vec<bool> = {
+        let mut tips = vec![false; finer.mesh().points().len()];
+        corners.exponents().iter().for_each(|(corner, _)| tips[corner.index()] = true);
+        tips
+    };
+    let off_corners = finer.mesh().tets().iter().zip(&measured.dilatations);
+    let off_corners = off_corners.filter(|(tet, _)| !tet.iter().any(|v| tips[v.index()]));
+    let off_corners = off_corners.map(|(_, dilatation)| dilatation.k()).fold(1.0, f64::max);
+    let points = map.units[0].give_back_points(finer.mesh().points());
+    let images = map.units[1].give_back_points(&linear.image);
+    let k: Vec<f64> = measured.dilatations.iter().map(|dilatation| dilatation.k()).collect();
+    let owners: Vec<f64> = linear.owners.iter().map(|tet| tet.0.into()).collect();
+    let cells = [
+        DataArray { name: "K", values: Values::Scalars(&k) },
+        DataArray { name: "tet", values: Values::Scalars(&owners) },
+    ];
+    for (path, at, name, other) in
+        [(domain, &points, "image_position", &images), (image, &images, "domain_position", &points)]
+    {
+        let data = [DataArray { name, values: Values::Vectors(other) }];
+        write_vtu(path, at, finer.mesh().tets(), &data, &cells)?;
+    }
+    print(&format!(
+        "{} tets; K {} at the corners, where the map is linear, {} elsewhere; with powers there it is {}; {} and {}\n",
+        k.len(),
+        number(measured.summary.max_k),
+        number(off_corners),
+        number(exact),
+        shown_path(domain),
+        shown_path(image)
+    ))
 }

@@ -4,6 +4,7 @@ use super::error::Fault;
 use super::limits::positive;
 use super::{Config, CornersName, CornersValue, InitialMap, MeshPlan};
 use crate::map::CornerChoice;
+use crate::mesh::VertexId;
 
 /// The most tets that a collar may add, as a share of all.
 pub(super) fn collar(config: &Config, mesh: &MeshPlan) -> Result<f64, Fault> {
@@ -43,4 +44,28 @@ pub(super) fn corners(config: &Config, map: &InitialMap) -> Result<CornerChoice,
         return Err(Fault::at(&["bounds", "certify"], message.to_string(), "remove it, or boundary.corners"));
     }
     Ok(choice)
+}
+
+/// The vertices that are to be corners, in ascending order; `None` for those that the solid's shape tells.
+pub(super) fn corner_vertices(config: &Config, choice: CornerChoice) -> Result<Option<Vec<VertexId>>, Fault> {
+    let key = ["boundary", "corner_vertices"];
+    let Some(numbers) = &config.boundary.corner_vertices else { return Ok(None) };
+    let refuse = |message: String, advice: &str| Err(Fault::at(&key, message, advice));
+    if choice == CornerChoice::Linear {
+        let message = "corners are listed, but the map is linear there".to_string();
+        return refuse(message, "add corners = \"power\" or an exponent, or remove the list");
+    }
+    let Ok(mut vertices) = numbers.iter().map(|&v| u32::try_from(v).map(VertexId)).collect::<Result<Vec<_>, _>>()
+    else {
+        let message = format!("`boundary.corner_vertices` is {numbers:?}, but must be numbers of vertices");
+        return refuse(message, "vertices are counted from 0");
+    };
+    vertices.sort_unstable();
+    if vertices.is_empty() {
+        return refuse("`boundary.corner_vertices` is empty".into(), "remove it, or corners = \"linear\"");
+    }
+    if let Some(twice) = vertices.windows(2).find(|pair| pair[0] == pair[1]) {
+        return refuse(format!("`boundary.corner_vertices` names {} twice", twice[0].0), "name a vertex once");
+    }
+    Ok(Some(vertices))
 }

@@ -238,9 +238,13 @@ pub struct BoundaryTable {
     pub collar: f64,
     /// How the map behaves at the corners of the solid. Default: "linear", piecewise linear as everywhere. A number p > 0: like r^p of
     /// the distance r, with that exponent at every corner; "power": with the exponents that make the largest K least, found by a
-    /// scan, which takes several optimizations. A corner of a flag mesh has the cones of its flags for this, one of another mesh the
-    /// tets around it, none of which may have two corners.
+    /// search, which takes several optimizations. A corner of a flag mesh has the cones of its flags for this, one of another mesh the
+    /// tets around it; edges that join two corners are halved first.
     pub corners: Option<CornersValue>,
+    /// The vertices that are corners, by their numbers in the mesh, counted from 0: those of a mesh file as they stand there.
+    /// Default: where three edges sharper than 30 degrees meet, or the angles of the boundary's triangles are 30 degrees off 360.
+    #[schemars(length(min = 1), inner(range(min = 0)))]
+    pub corner_vertices: Option<Vec<i64>>,
 }
 
 /// The value of `boundary.corners`.

@@ -12,8 +12,8 @@ use super::source::STANDARD_INPUT;
 use super::{Config, ConfigSource, DomainTable, MapKind, ObjectiveName, OptimizeTable, PolishName, refine, solid};
 use crate::bound::certificate::DEFAULT_TIME_LIMIT;
 use crate::map::CornerChoice;
-use crate::mesh::Unit;
 use crate::mesh::io::{ReadError, SolidFile, SurfaceFormat, TetFormat, read_solid, shown_path};
+use crate::mesh::{Unit, VertexId};
 use crate::optimize::{Objective, OptimizeSettings, Polish};
 use crate::refine::RefineSettings;
 use crate::solid::{CentreChoice, ExternalSettings, Refinement, RepairSettings, ShellSettings, Solid};
@@ -45,6 +45,8 @@ pub struct Plan {
     pub collar: f64,
     /// How it behaves at the corners of the solid.
     pub corners: CornerChoice,
+    /// Which vertices are corners, ascending; `None` for those that the solid's shape tells.
+    pub corner_vertices: Option<Vec<VertexId>>,
     /// How the map is improved.
     pub optimize: OptimizeSettings,
     /// Whether the map is to commute with the mesh's mirror planes.
@@ -120,6 +122,7 @@ impl Plan {
             symmetric: config.optimize.symmetric,
             onto_ball: config.optimize.objective == ObjectiveName::Ball,
             refine: refine::plan(config, &corners)?,
+            corner_vertices: boundary::corner_vertices(config, corners)?,
             corners,
             map,
             optimize: optimize(config)?,

@@ -9,19 +9,13 @@ use crate::config::Plan;
 use crate::domain::Domain;
 use crate::map::corner::solid_angles;
 use crate::map::{Cone, CornerChoice, Corners};
-use crate::measure::measure_elements;
 use crate::mesh::{BoundaryEdges, Features, Mirrors, Vec3, VertexId};
-use crate::optimize::{OptimizeSettings, Outcome, Polish, StopReason, TraceRow, Untangled, Warped, untangle};
+use crate::optimize::{Outcome, StopReason, TraceRow, Untangled, Warped, untangle};
 use crate::solid::{Flag, FlagMesh};
 
-/// The exponent of a corner of solid angle omega is (2 pi / omega)^s; with s = 1/2 the bound
-/// K_I p^2 >= 2 pi / omega for maps that open it to a half-space says nothing more. Best are 0.2 to 0.3 with fixed boundary
-/// values and 0.3 to 0.45 with others.
-const LARGEST_POWER: f64 = 0.5;
-/// The power started from, and that of a search which is over before it began.
+/// The power s of 2 pi / omega from which exponents are sought. Best are 0.2 to 0.3 with fixed boundary values and 0.3 to 0.45 with
+/// others.
 const USUAL_POWER: f64 = 0.25;
-/// Optimizations of the search for s: golden section leaves 0.045 of the largest, and K is flat there.
-const TRIES: usize = 6;
 
 /// The flags of a mesh, and how many tets each has.
 #[derive(Clone, Debug)]
@@ -37,22 +31,38 @@ impl Flags {
     }
 }
 
+/// The vertices that are corners of a plan's map, ascending: those it names, or where the solid has corners.
+pub(super) fn corner_vertices(domain: &Domain, plan: &Plan) -> Result<Vec<VertexId>, Fault> {
+    let boundary = domain.boundary();
+    if let Some(named) = &plan.corner_vertices {
+        let vertices = domain.mesh().points().len();
+        return match named.iter().find(|v| v.index() >= vertices || !boundary.contains(**v)) {
+            Some(&VertexId(vertex)) => Err(Fault::CornerVertex { vertex, vertices }),
+            None => Ok(named.clone()),
+        };
+    }
+    let features = Features::of(domain.mesh(), boundary, &BoundaryEdges::of(domain.mesh(), boundary));
+    let all = (0..domain.mesh().points().len() as u32).map(VertexId);
+    let vertices: Vec<VertexId> = all.filter(|&v| features.is_corner(v)).collect();
+    if vertices.is_empty() { Err(Fault::NoCorners) } else { Ok(vertices) }
+}
+
 /// The warped cones that a plan asks for, at the corners of the solid; `None` where the map stays piecewise linear.
-pub(super) fn corners(domain: &Domain, flags: Option<&Flags>, choice: CornerChoice) -> Result<Option<Corners>, Fault> {
-    if choice == CornerChoice::Linear {
+pub(super) fn corners(domain: &Domain, flags: Option<&Flags>, plan: &Plan) -> Result<Option<Corners>, Fault> {
+    if plan.corners == CornerChoice::Linear {
         return Ok(None);
     }
-    let edges = BoundaryEdges::of(domain.mesh(), domain.boundary());
-    let features = Features::of(domain.mesh(), domain.boundary(), &edges);
-    let vertices: Vec<VertexId> =
-        (0..domain.mesh().points().len() as u32).map(VertexId).filter(|&v| features.is_corner(v)).collect();
-    if vertices.is_empty() {
-        return Err(Fault::NoCorners);
-    }
-    let exponents: HashMap<VertexId, f64> = match choice {
+    let vertices = corner_vertices(domain, plan)?;
+    let exponents: HashMap<VertexId, f64> = match plan.corners {
         CornerChoice::Exponent(exponent) => vertices.iter().map(|&v| (v, exponent)).collect(),
-        _ => by_power(domain, &vertices, USUAL_POWER),
+        _ => by_power(domain, &vertices),
     };
+    if let Some(Flags { flags, .. }) = flags {
+        let is_none = |v: &&VertexId| flags.iter().all(|flag| flag.corner != **v);
+        if let Some(vertex) = vertices.iter().find(is_none) {
+            return Err(Fault::NoFlags { vertex: vertex.0 });
+        }
+    }
     Ok(Some(match flags {
         Some(Flags { flags, tets_a_flag }) => {
             let (mut cones, mut of_tet) = (Vec::new(), Vec::with_capacity(domain.mesh().tets().len()));
@@ -67,10 +77,11 @@ pub(super) fn corners(domain: &Domain, flags: Option<&Flags>, choice: CornerChoi
     }))
 }
 
-/// The exponents (2 pi / omega)^s.
-fn by_power(domain: &Domain, vertices: &[VertexId], power: f64) -> HashMap<VertexId, f64> {
+/// The exponents to begin a search with: (2 pi / omega)^s at a corner of solid angle omega, by which the bound K_I p^2 >= 2 pi / omega
+/// of maps that open it to a half-space is that of the power 1 - 2 s.
+fn by_power(domain: &Domain, vertices: &[VertexId]) -> HashMap<VertexId, f64> {
     let angles = solid_angles(domain, vertices);
-    vertices.iter().zip(angles).map(|(&vertex, angle)| (vertex, (TAU / angle).powf(power))).collect()
+    vertices.iter().zip(angles).map(|(&vertex, angle)| (vertex, (TAU / angle).powf(USUAL_POWER))).collect()
 }
 
 /// The mirror planes of a start's domain, about its star centre, that its image keeps.
@@ -90,8 +101,8 @@ pub(super) fn mirrors(start: &Start) -> Result<Mirrors, Fault> {
     found.filter(kept).ok_or(Fault::NoMirrors)
 }
 
-/// Optimizes the images of the vertices for the exponents that a start's corners have; if they are to be found, for those of the
-/// least largest K in a golden section over s. Gives the corners with the exponents arrived at.
+/// Optimizes the images of the vertices for the exponents that a start's corners have; if they are to be found, for those that a search
+/// by K onto the polyhedron ends with: those for K onto the ball are about the same. Gives the corners with the exponents arrived at.
 pub(super) fn optimize_warped(
     start: &Start,
     plan: &Plan,
@@ -111,60 +122,12 @@ pub(super) fn optimize_warped(
     }
     let corners = match &start.corners {
         Some(corners) if plan.corners == CornerChoice::Power => {
-            Some(scanned(Warped { onto_ball: false, ..warped }, &untangled.positions, corners, settings)?)
+            let first = Warped { corners: Some(corners), onto_ball: false, ..warped };
+            Some(first.exponents(&untangled.positions, settings)?)
         }
         corners => corners.clone(),
     };
     let warped = Warped { corners: corners.as_ref(), ..warped };
     let outcome = warped.optimize(&untangled.positions, settings, observe)?;
     Ok((untangled, outcome, corners))
-}
-
-/// The corners with the best exponents that a golden section finds, by K onto the polyhedron: those for K onto the ball are about the
-/// same.
-fn scanned(
-    warped: Warped<'_>,
-    start: &[Vec3],
-    corners: &Corners,
-    settings: &OptimizeSettings,
-) -> Result<Corners, Fault> {
-    let domain = warped.domain;
-    let vertices: Vec<VertexId> = corners.exponents().into_iter().map(|(vertex, _)| vertex).collect();
-    let of_power = |power: f64| {
-        let exponents = by_power(domain, &vertices, power);
-        corners.clone().with_exponents(|vertex| exponents[&vertex])
-    };
-    let unpolished = OptimizeSettings { polish: Polish::None, ..settings.clone() };
-    // Each try starts from the best map so far: any images of positive tets will do for any exponents.
-    let (mut best, mut positions) = ((f64::INFINITY, USUAL_POWER), start.to_vec());
-    let mut least_k = |power: f64| -> Result<f64, Fault> {
-        if settings.cancel.is_due() {
-            return Ok(f64::INFINITY);
-        }
-        let corners = of_power(power);
-        let warped = Warped { corners: Some(&corners), ..warped };
-        let outcome = warped.optimize(&positions, &unpolished, &mut |_| {})?;
-        let k = measure_elements(domain, &corners.elements(domain), &outcome.positions).summary.max_k;
-        if k < best.0 {
-            (best, positions) = ((k, power), outcome.positions);
-        }
-        Ok(k)
-    };
-    let golden = (5f64.sqrt() - 1.0) / 2.0;
-    let (mut low, mut high) = (0.0, LARGEST_POWER);
-    let (mut inner, mut outer) = (high - golden * (high - low), low + golden * (high - low));
-    let (mut at_inner, mut at_outer) = (least_k(inner)?, least_k(outer)?);
-    for _ in 2..TRIES {
-        if at_inner <= at_outer {
-            (high, outer, at_outer) = (outer, inner, at_inner);
-            inner = high - golden * (high - low);
-            at_inner = least_k(inner)?;
-        } else {
-            (low, inner, at_inner) = (inner, outer, at_outer);
-            outer = low + golden * (high - low);
-            at_outer = least_k(outer)?;
-        }
-    }
-    let (_, power) = best;
-    Ok(of_power(power))
 }

@@ -80,6 +80,27 @@ pub enum Fault {
     /// Powers at corners that a solid has not.
     #[error("boundary.corners: the solid has no corners; remove the key")]
     NoCorners,
+    /// A corner that is none.
+    #[error(
+        "boundary.corner_vertices: vertex {vertex} is not on the boundary of the mesh, which has the vertices 0 to {}; a corner is: name \
+         others, or remove the key to have those that the solid's shape tells",
+        vertices - 1
+    )]
+    CornerVertex {
+        /// The vertex.
+        vertex: u32,
+        /// How many there are.
+        vertices: usize,
+    },
+    /// A corner that no flag has.
+    #[error(
+        "boundary.corner_vertices: vertex {vertex} is no corner of the polyhedron that the flags are of; name only such, or choose another \
+         mesh.kind"
+    )]
+    NoFlags {
+        /// The vertex.
+        vertex: u32,
+    },
     /// A symmetric map of what has no symmetry.
     #[error(
         "optimize.symmetric: the mesh has no mirror plane through the star centre that the start keeps; remove the key, or mesh the solid \

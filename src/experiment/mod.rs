@@ -5,6 +5,7 @@ mod error;
 mod mesher;
 mod optimize_map;
 mod record;
+mod splits;
 mod start;
 
 use std::time::Instant;

@@ -5,6 +5,7 @@ use std::path::Path;
 use super::corners::{Flags, corners};
 use super::error::{Fault, RunError};
 use super::mesher::{grazed, instead_of_shells, is_grazed, mesh_of_any_solid, more_cells};
+use super::splits::{between_corners, freed};
 use crate::cancel::Cancel;
 use crate::config::{DomainSource, InitialMap, MeshPlan, Plan};
 use crate::dilatation::number;
@@ -12,9 +13,7 @@ use crate::domain::Domain;
 use crate::map::{AnalyticMap, Corners, RadialCoordinates, RayEnd, caraman, spherical_starts};
 use crate::measure::{Measured, measure_onto_ball_until, measure_warped_onto_ball};
 use crate::mesh::io::{ReadError, SolidFile, read_solid, read_surface, shown_path};
-use crate::mesh::{
-    Orientation, PolygonSoup, Subdivision, TetMesh, TetSoup, Unit, Vec3, VertexId, collar, full_boundary, orientation,
-};
+use crate::mesh::{Orientation, PolygonSoup, Subdivision, TetMesh, TetSoup, Unit, Vec3, VertexId, orientation};
 use crate::optimize::Freed;
 use crate::report::{MapFigures, RefinementFigures, Splits};
 use crate::solid::{
@@ -44,7 +43,7 @@ pub(crate) struct Start {
     pub map: MapFigures,
     /// How the surface was refined, if that was left to the program.
     pub refinement: Option<RefinementFigures>,
-    /// The splits that freed locked tets, if the mesh was not made in shells and needed any.
+    /// The splits that parted corners and freed locked tets, if the mesh needed any.
     pub splits: Option<Splits>,
     /// The flags of a flag mesh.
     pub flags: Option<Flags>,
@@ -64,7 +63,7 @@ impl Start {
 
     /// The cones of the corners, if the plan warps them.
     fn with_corners(self, plan: &Plan) -> Result<Self, RunError> {
-        let corners = corners(&self.domain, self.flags.as_ref(), plan.corners).map_err(RunError::at(&self.origin))?;
+        let corners = corners(&self.domain, self.flags.as_ref(), plan).map_err(RunError::at(&self.origin))?;
         Ok(Self { corners, ..self })
     }
 
@@ -207,7 +206,7 @@ impl Start {
         let shell = shell_mesh(surface, centre.position, settings)?;
         let idle =
             (plan.collar > 0.0).then(|| "the solid was meshed in shells, so that boundary.collar had no effect".into());
-        let coordinates = RadialCoordinates::of_shell(&shell);
+        let mut coordinates = RadialCoordinates::of_shell(&shell);
         let mut refinement = None;
         let mut warning = more_cells(surface, settings, &shell);
         if let Some(Refinement::Ball(wanted)) = settings.refinement {
@@ -222,7 +221,10 @@ impl Start {
             }
             refinement = Some(RefinementFigures { triangles_before: surface.triangles().len(), largest_stretch });
         }
-        let domain = Domain::new(shell.mesh)?;
+        let (domain, splits) = between_corners(Domain::new(shell.mesh)?, plan)?;
+        if splits.is_some() {
+            coordinates = RadialCoordinates::of_domain(&domain, surface, centre.position, RayEnd::Only)?;
+        }
         let start = match &plan.map {
             InitialMap::Formula(map) => Self::of_formula(domain, map, unit)?,
             InitialMap::Spherical { weights } => Self::of_sphere(domain, weights)?,
@@ -236,7 +238,7 @@ impl Start {
             )
         });
         let warnings = start.warnings.into_iter().chain(slivers).chain(warning).chain(idle).collect();
-        Ok(Self { refinement, warnings, ..start })
+        Ok(Self { refinement, splits, warnings, ..start })
     }
 
     fn of_mesh(soup: TetSoup, plan: &Plan, unit: Unit) -> Result<Self, Fault> {
@@ -255,7 +257,7 @@ impl Start {
         Ok(start)
     }
 
-    /// Frees a mesh's locked tets and maps its vertices.
+    /// Frees a mesh's locked tets, parts its corners and maps its vertices.
     fn of_domain(domain: Domain, surface: &Surface, plan: &Plan, unit: Unit) -> Result<Self, Fault> {
         let (domain, splits) = freed(domain, plan)?;
         let (position, centre, end) = match (&plan.map, plan.centre.point(surface)) {
@@ -469,30 +471,6 @@ fn far_outside(domain: &Domain, image: &[Vec3]) -> Option<usize> {
     let high = of_boundary().reduce(|a, b| a.sup(&b))?;
     let room = (high - low).norm();
     image.iter().position(|p| (low - p).max() > room || (p - high).max() > room)
-}
-
-/// The domain with its boundary made a full subcomplex, unless the mesh is to be kept, and the collar that the plan asks for.
-fn freed(domain: Domain, plan: &Plan) -> Result<(Domain, Option<Splits>), Fault> {
-    let (domain, splits) = without_locked(domain, plan.keep_mesh)?;
-    let tets = domain.mesh().tets().len();
-    let collar = collar(domain.mesh(), domain.boundary(), tets + (plan.collar * tets as f64) as usize);
-    if plan.collar == 0.0 || collar.parents().is_empty() {
-        return Ok((domain, splits));
-    }
-    let splits = splits.unwrap_or(Splits { edges: 0, faces: 0, collar: 0, tets_before: tets });
-    Ok((Domain::new(collar.mesh()?)?, Some(Splits { collar: collar.edge_splits(), ..splits })))
-}
-
-fn without_locked(domain: Domain, keep_mesh: bool) -> Result<(Domain, Option<Splits>), Fault> {
-    if keep_mesh {
-        return Ok((domain, None));
-    }
-    let full = full_boundary(domain.mesh(), domain.boundary());
-    if full.parents().is_empty() {
-        return Ok((domain, None));
-    }
-    let splits = Splits::of(&full, domain.mesh().tets().len());
-    Ok((Domain::new(full.mesh()?)?, Some(splits)))
 }
 
 #[cfg(test)]

@@ -101,6 +101,11 @@ impl Mirrors {
         &self.vertices
     }
 
+    /// The place among the chamber's vertices of the one that a symmetry takes to this vertex.
+    pub fn in_chamber(&self, vertex: usize) -> u32 {
+        self.of_vertex[vertex].0
+    }
+
     /// For each vertex of the chamber the projection to the planes that it lies on, and that a symmetric map keeps it on.
     pub fn within(&self) -> &[Mat3] {
         &self.within

@@ -12,6 +12,8 @@
 //! A map that commutes with the mirror planes of a domain is known from one chamber, whose vertices stay on their planes. Where
 //! the least largest K is attained, it is attained by such a map if the problem were convex; it is not, but nothing better was seen.
 
+mod exponents;
+
 use std::time::Instant;
 
 use rayon::prelude::*;
@@ -34,6 +36,8 @@ const FRUITLESS: usize = 3;
 /// Share of the largest ln K above which the factors of a tet are held in view, and the least and most of them that are. With 6 at
 /// most, those left out decided: a tet near a corner reaches into dozens of cones.
 const NEAR: (f64, usize, usize) = (0.95, 2, 60);
+/// Accuracy in ln K of the problems with held factors, far below what a round is to gain.
+const ACCURACY: f64 = 1e-4;
 /// Shares of the way to the solution of a problem with held factors that are tried: far from where these were taken it says little.
 const SHARES: [f64; 6] = [1.0, 0.7, 0.5, 0.25, 0.1, 0.04];
 /// Share of the promised fall with which the whole way is taken without a look at others.
@@ -84,16 +88,18 @@ impl Warped<'_> {
             }
         };
         let mut fruitless = 0;
+        let of_rounds = OptimizeSettings { tolerance: settings.tolerance.max(ACCURACY), ..settings.clone() };
         for _ in 0..ROUNDS {
             // What ended the rest is told.
             if !matches!(now.stop, StopReason::Optimal | StopReason::Converged | StopReason::NoProgress) {
                 return Ok(now);
             }
             let problem = self.chamber().with_factors_on_both_sides(&held.factors);
-            let next = self.solved(&problem, Start::Settled, &now.positions, &settings, &mut |_| {})?;
+            let next = self.solved(&problem, Start::Settled, &now.positions, &of_rounds, &mut |_| {})?;
             now.stop = next.stop;
             let promised = held.k - measure(&problem, &self.restricted(&next.positions)).summary.max_k;
-            let Some((whole, best)) = self.on_the_way([&now.positions, &next.positions], held.k, promised, &settings)
+            let Some((farthest, best)) =
+                self.on_the_way([&now.positions, &next.positions], held.k, promised, &settings)
             else {
                 break;
             };
@@ -118,12 +124,12 @@ impl Warped<'_> {
                         now.trace.push(row);
                     }
                     if share < 1.0 {
-                        held.watch(whole);
+                        held.watch(farthest);
                     }
                 }
                 None => {
                     fruitless += 1;
-                    held.watch(whole);
+                    held.watch(farthest);
                 }
             }
             if promised < GAIN * held.k || fruitless == FRUITLESS {
@@ -135,7 +141,7 @@ impl Warped<'_> {
     }
 
     /// The image of least K onto the ball among some on the way from one to another, if it is below `k`, with the share of the way and its
-    /// factors; and the factors at the end of the way. `None` where the end is not onto the ball. `promised`: the expected fall.
+    /// factors; and what makes K large at the farthest of them. `None` where none is onto the ball. `promised`: the expected fall.
     fn on_the_way(
         &self,
         [from, to]: [&[Vec3]; 2],
@@ -143,19 +149,12 @@ impl Warped<'_> {
         promised: f64,
         settings: &OptimizeSettings,
     ) -> Option<(Factors, Option<OnTheWay>)> {
-        let mut whole = None;
+        let mut farthest = None;
         let mut best: Option<OnTheWay> = None;
         for share in SHARES {
             let image = self.part_of_the_way([from, to], share, settings);
-            let Ok(trial) = self.held(&image) else {
-                if share == 1.0 {
-                    return None;
-                }
-                continue;
-            };
-            if share == 1.0 {
-                whole = Some(trial.factors.clone());
-            }
+            let Ok(trial) = self.held(&image) else { continue };
+            farthest.get_or_insert_with(|| trial.large());
             let least = best.as_ref().map_or(k, |best| best.held.k);
             if trial.k < least {
                 let enough = share == 1.0 && k - trial.k >= KEPT * promised;
@@ -167,7 +166,7 @@ impl Warped<'_> {
                 break;
             }
         }
-        whole.map(|whole| (whole, best))
+        farthest.map(|farthest| (farthest, best))
     }
 
     /// The tets that are solved for.
@@ -225,14 +224,20 @@ impl Warped<'_> {
         let all: Vec<Vec<(f64, [Mat3; 2])>> = self.tets().into_par_iter().map(|tet| onto.factors(tet)).collect();
         let k = all.iter().flatten().map(|(k, _)| *k).fold(1.0, f64::max);
         let least = (NEAR.0 * k.ln()).exp();
-        let kept = |of_tet: &Vec<(f64, [Mat3; 2])>| -> Vec<[Mat3; 2]> {
+        let kept = |of_tet: &Vec<(f64, [Mat3; 2])>| -> (Vec<[Mat3; 2]>, usize) {
             let mut sorted: Vec<&(f64, [Mat3; 2])> = of_tet.iter().collect();
             sorted.sort_by(|a, b| b.0.total_cmp(&a.0));
-            let near = sorted.iter().filter(|(k, _)| *k >= least).count();
-            sorted.truncate(near.clamp(NEAR.1, NEAR.2));
-            if sorted.is_empty() { vec![[Mat3::identity(); 2]] } else { sorted.iter().map(|(_, both)| *both).collect() }
+            let large = sorted.iter().filter(|(k, _)| *k >= least).count().min(NEAR.2);
+            sorted.truncate(large.max(NEAR.1));
+            let all = if sorted.is_empty() {
+                vec![[Mat3::identity(); 2]]
+            } else {
+                sorted.iter().map(|(_, both)| *both).collect()
+            };
+            (all, large)
         };
-        Ok(Held { k, factors: all.iter().map(kept).collect() })
+        let (factors, large) = all.iter().map(kept).unzip();
+        Ok(Held { k, factors, large })
     }
 }
 
@@ -244,6 +249,8 @@ struct Held {
     /// The largest K onto the ball by those that the map has.
     k: f64,
     factors: Factors,
+    /// How many of a tet's first factors are there because K is large with them.
+    large: Vec<usize>,
 }
 
 /// An image on the way to the solution of a problem with held factors.
@@ -254,6 +261,11 @@ struct OnTheWay {
 }
 
 impl Held {
+    /// The factors that make K large.
+    fn large(&self) -> Factors {
+        self.factors.iter().zip(&self.large).map(|(of_tet, &large)| of_tet[..large].to_vec()).collect()
+    }
+
     /// Adds factors that the tets have elsewhere: where a problem with held ones led to, and K was larger than it said.
     fn watch(&mut self, elsewhere: Factors) {
         self.factors.iter_mut().zip(elsewhere).for_each(|(of_tet, more)| of_tet.extend(more));

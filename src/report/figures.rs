@@ -169,13 +169,16 @@ fn moments(values: &[f64]) -> (f64, f64) {
     (mean, (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / count).sqrt())
 }
 
-/// The splits that made a given mesh's boundary a full subcomplex, so that no tet is locked.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+/// The splits that made a given mesh's boundary a full subcomplex, so that no tet is locked, and those for corners and the collar.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Splits {
     /// Interior edges between boundary vertices that were halved.
     pub edges: usize,
     /// Interior faces between boundary vertices that were split at their centre.
     pub faces: usize,
+    /// Edges between corners of the solid that were halved, for a map that is like powers there.
+    #[serde(default)]
+    pub corners: usize,
     /// Edges of the collar that were halved.
     #[serde(default)]
     pub collar: usize,
@@ -186,7 +189,8 @@ pub struct Splits {
 impl Splits {
     /// Those that made a mesh of one with so many tets.
     pub fn of(subdivision: &Subdivision, tets_before: usize) -> Self {
-        Self { edges: subdivision.edge_splits(), faces: subdivision.face_splits(), collar: 0, tets_before }
+        let (edges, faces) = (subdivision.edge_splits(), subdivision.face_splits());
+        Self { edges, faces, corners: 0, collar: 0, tets_before }
     }
 }
 

@@ -140,8 +140,12 @@ fn splits_in_words(columns: usize, splits: Splits) -> String {
         0 => String::new(),
         edges => format!(", and {edges} edge{} next to the boundary for the collar", s(edges)),
     };
+    let corners = match splits.corners {
+        0 => String::new(),
+        edges => format!(", {edges} edge{} between corners so that no tet has two", s(edges)),
+    };
     let text = format!(
-        "{} interior edge{} and {} interior face{} between boundary vertices were split, so that no tet is locked{collar}; the \
+        "{} interior edge{} and {} interior face{} between boundary vertices were split, so that no tet is locked{corners}{collar}; the \
          mesh had {} tet{} (--keep-mesh leaves a given one as it is)",
         splits.edges,
         s(splits.edges),

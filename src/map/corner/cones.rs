@@ -82,10 +82,10 @@ pub enum CornerError {
         /// The vertex.
         corner: u32,
     },
-    /// A tet with two corners.
+    /// A tet with two corners; [`Subdivision::split_edges`](crate::mesh::Subdivision::split_edges) halves the edges between them.
     #[error(
-        "tet {tet} has two corners, vertices {corners:?}: mesh the solid with a vertex on the edge between them (mesh.kind = \
-         \"flag\" does), or leave corners = \"linear\""
+        "tet {tet} has two corners, vertices {corners:?}: the edge between them has to be halved (which domain.keep_mesh and \
+         mesh.keep_boundary forbid), or leave corners = \"linear\""
     )]
     TwoCorners {
         /// The tet.
@@ -382,6 +382,55 @@ mod tests {
             assert!(k <= largest[here.tet.index()].k() * (1.0 + 1e-7), "{k} {:?}", largest[here.tet.index()]);
         }
         assert!(counted > 15_000);
+    }
+
+    #[test]
+    fn the_stars_of_corners_make_a_continuous_map_with_an_inverse() {
+        use crate::mesh::Subdivision;
+        use rand_chacha::ChaCha8Rng;
+        use rand_chacha::rand_core::{RngCore, SeedableRng};
+        let exponents: Vec<(VertexId, f64)> = (0..8).map(|v| (VertexId(v), 0.6 + 0.3 * f64::from(v))).collect();
+        // All edges between corners halved: of the cube, and the diagonals of its faces.
+        let mut parted = Subdivision::of(&fan(&cube(), Vec3::new(0.1, -0.2, 0.05)));
+        parted.split_edges(|edge| edge.iter().all(|v| v.0 < 8));
+        assert_eq!(parted.edge_splits(), 18);
+        let domain = Domain::new(parted.mesh().unwrap()).unwrap();
+        let corners = Corners::stars(&domain, &exponents).unwrap();
+        // Any positive tets will do: here the cube seen from the centre, bent a little.
+        let image: Vec<Vec3> =
+            domain.mesh().points().iter().map(|x| x + Vec3::new(x.y * x.z, x.z * x.x, x.x * x.y) * 0.05).collect();
+        let mut random = ChaCha8Rng::seed_from_u64(8);
+        let mut number = || f64::from(random.next_u32()) / f64::from(u32::MAX);
+        let value = |tet: TetId, x: &Vec3| {
+            let from = domain.mesh().corners(tet)[0];
+            let to = image[domain.mesh().tets()[tet.index()][0].index()];
+            to + domain.jacobian(tet, &image) * (corners.warp(tet).map_or(*x, |warp| warp.at(x)) - from)
+        };
+        let mut sides: HashMap<[VertexId; 3], TetId> = HashMap::new();
+        let mut shared = 0;
+        for (index, tet) in (0..).map(TetId).zip(domain.mesh().tets()) {
+            for face in TetMesh::FACES {
+                let mut face = face.map(|i| tet[i]);
+                face.sort_unstable();
+                let Some(other) = sides.insert(face, index) else { continue };
+                for _ in 0..20 {
+                    let weights: Vec3 = Vec3::new(number(), number(), number());
+                    let weights = weights / weights.sum();
+                    let x: Vec3 = (0..3).map(|i| domain.mesh().points()[face[i].index()] * weights[i]).sum();
+                    // Distances of 1 or so.
+                    assert!((value(index, &x) - value(other, &x)).norm() < 1e-14);
+                    shared += 1;
+                }
+            }
+        }
+        assert!(shared > 1000);
+        let map = Evaluator::new(&domain, &image, Onto::Polyhedron).unwrap().with_corners(&corners);
+        for _ in 0..2_000 {
+            let x = Vec3::new(number(), number(), number()) * 1.9 - Vec3::repeat(0.95);
+            let y = map.at(&x).unwrap().position;
+            let back = map.inverse(&y).unwrap().position;
+            assert!((map.at(&back).unwrap().position - y).norm() < 1e-10);
+        }
     }
 
     #[test]

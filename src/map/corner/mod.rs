@@ -48,8 +48,10 @@
 //! vertices, whose reference matrices are B (I + (p-1) u n^T) in place of B.
 
 mod cones;
+mod refined;
 
 pub use cones::{Cone, CornerChoice, CornerError, Corners, Elements, solid_angles};
+pub use refined::PiecewiseLinear;
 
 use crate::dilatation::Dilatation;
 use crate::mesh::{Mat3, Vec3};

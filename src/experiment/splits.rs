@@ -1,0 +1,54 @@
+//! The splits that a mesh needs before it is mapped: edges between corners, locked tets, the collar.
+
+use super::corners::corner_vertices;
+use super::error::Fault;
+use crate::config::{MeshPlan, Plan};
+use crate::domain::Domain;
+use crate::map::CornerChoice;
+use crate::mesh::{Subdivision, collar, full_boundary};
+use crate::report::Splits;
+
+/// The domain without edges between corners, with its boundary made a full subcomplex, unless the mesh is to be kept, and the collar
+/// that the plan asks for.
+pub(super) fn freed(domain: Domain, plan: &Plan) -> Result<(Domain, Option<Splits>), Fault> {
+    let tets_before = domain.mesh().tets().len();
+    let (mut domain, of_corners) = between_corners(domain, plan)?;
+    let mut splits = of_corners.unwrap_or(Splits { tets_before, ..Splits::default() });
+    if !plan.keep_mesh {
+        let full = full_boundary(domain.mesh(), domain.boundary());
+        (splits.edges, splits.faces) = (full.edge_splits(), full.face_splits());
+        domain = taken(domain, &full)?;
+    }
+    if plan.collar > 0.0 {
+        let tets = domain.mesh().tets().len();
+        let collar = collar(domain.mesh(), domain.boundary(), tets + (plan.collar * tets as f64) as usize);
+        splits.collar = collar.edge_splits();
+        domain = taken(domain, &collar)?;
+    }
+    let any = splits.corners + splits.edges + splits.faces + splits.collar > 0;
+    Ok((domain, any.then_some(splits)))
+}
+
+/// The domain with edges that join two corners halved, where the map is like powers at the tets around each and the mesh may be changed.
+pub(super) fn between_corners(domain: Domain, plan: &Plan) -> Result<(Domain, Option<Splits>), Fault> {
+    let keeps = match &plan.mesh {
+        // The flags have one corner each.
+        MeshPlan::Flag(_) => true,
+        MeshPlan::External(settings) => settings.keep_boundary,
+        MeshPlan::Auto { external, .. } => external.keep_boundary,
+        MeshPlan::Shell(_) => false,
+    };
+    if plan.corners == CornerChoice::Linear || plan.keep_mesh || keeps {
+        return Ok((domain, None));
+    }
+    let corners = corner_vertices(&domain, plan)?;
+    let mut halves = Subdivision::of(domain.mesh());
+    halves.split_edges(|edge| edge.iter().all(|v| corners.binary_search(v).is_ok()));
+    let tets_before = domain.mesh().tets().len();
+    let splits = Splits { corners: halves.edge_splits(), tets_before, ..Splits::default() };
+    Ok((taken(domain, &halves)?, (splits.corners > 0).then_some(splits)))
+}
+
+fn taken(domain: Domain, subdivision: &Subdivision) -> Result<Domain, Fault> {
+    if subdivision.parents().is_empty() { Ok(domain) } else { Ok(Domain::new(subdivision.mesh()?)?) }
+}
