@@ -188,9 +188,11 @@ fn write_refined(
         corners.exponents().iter().for_each(|(corner, _)| tips[corner.index()] = true);
         tips
     };
-    let off_corners = finer.mesh().tets().iter().zip(&measured.dilatations);
-    let off_corners = off_corners.filter(|(tet, _)| !tet.iter().any(|v| tips[v.index()]));
-    let off_corners = off_corners.map(|(_, dilatation)| dilatation.k()).fold(1.0, f64::max);
+    let largest = |at_corners: bool| {
+        let tets = finer.mesh().tets().iter().zip(&measured.dilatations);
+        let of_them = tets.filter(|(tet, _)| tet.iter().any(|v| tips[v.index()]) == at_corners);
+        of_them.map(|(_, dilatation)| dilatation.k()).fold(1.0, f64::max)
+    };
     let points = map.units[0].give_back_points(finer.mesh().points());
     let images = map.units[1].give_back_points(&linear.image);
     let k: Vec<f64> = measured.dilatations.iter().map(|dilatation| dilatation.k()).collect();
@@ -208,8 +210,8 @@ fn write_refined(
     print(&format!(
         "{} tets; K {} at the corners, where the map is linear, {} elsewhere; with powers there it is {}; {} and {}\n",
         k.len(),
-        number(measured.summary.max_k),
-        number(off_corners),
+        number(largest(true)),
+        number(largest(false)),
         number(exact),
         shown_path(domain),
         shown_path(image)

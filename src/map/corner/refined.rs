@@ -1,6 +1,6 @@
 //! Piecewise-linear maps that come near to one with powers at its corners.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::HashMap;
 
 use super::Corners;
 use crate::domain::Domain;
@@ -17,16 +17,14 @@ pub struct PiecewiseLinear {
     pub owners: Vec<TetId>,
 }
 
-/// How near to a level a vertex is on it, in units of t.
-const ON_LEVEL: f64 = 1e-7;
-
 impl Corners {
     /// The piecewise-linear map that agrees with the one that takes the domain's vertices to `image`, warped, at the vertices of a mesh that is
-    /// finer next to the corners: there the cones are cut at the heights t = 2^(-k/n), k from 1 to n^2.
+    /// finer next to the corners: the tets at a corner are cut at its height over their bases times 2^(-k/n), k from 1 to n^2.
     ///
-    /// Within a layer the warp goes from one similarity of the rays to another by a factor of 2^((p-1)/n), so that K of the two maps differ
-    /// by that at most to some small power; in the last one, from 2^-n to the corner, the map is linear on rays, and its K that
-    /// of exponent 1. All vertices of the domain stay but those within cones, which go to where the warp takes them from.
+    /// In such a layer the warp scales by factors that differ by 2^((p-1)/n), so that K of the two maps differ by some small power of that; in
+    /// the last one, from 2^-n to the corner, the map is linear on rays, and its K that of exponent 1. Tets of flags that do not reach the
+    /// corner are not cut, since that would make slivers of them: there K differs as far as their layers are thick. All vertices of the
+    /// domain stay but those within cones, which go to where the warp takes them from.
     ///
     /// # Errors
     /// A layer so thin that rounding made a tet flat.
@@ -37,49 +35,43 @@ impl Corners {
         // By the corner and the vertex, as cones agree on t and on the warp up to rounding.
         let mut heights: HashMap<(VertexId, VertexId), f64> = HashMap::new();
         let mut unwarped: Vec<Option<Vec3>> = vec![None; points.len()];
+        let mut bases: HashMap<VertexId, f64> = HashMap::new();
         let cone = |tet: TetId| Some((*self.warped_cone(tet)?, *self.warp(tet)?));
         for (index, tet) in (0..).map(TetId).zip(mesh.tets()) {
             let Some((cone, warp)) = cone(index) else { continue };
+            let base = bases.entry(cone.corner).or_insert(0.0);
             for &v in tet {
                 let x = points[v.index()];
-                heights.entry((cone.corner, v)).or_insert_with(|| warp.height(&x));
+                let height = *heights.entry((cone.corner, v)).or_insert_with(|| warp.height(&x));
                 unwarped[v.index()].get_or_insert_with(|| if v == cone.corner { x } else { warp.inverse(&x) });
+                if tet.contains(&cone.corner) {
+                    *base = base.max(height);
+                }
             }
         }
         // Cuts of edges, by their ends and the level; the same from all tets around.
         let mut cuts: HashMap<(VertexId, VertexId, u32), VertexId> = HashMap::new();
         let (mut tets, mut owners) = (Vec::new(), Vec::new());
-        let levels: BTreeMap<VertexId, Vec<f64>> = self
-            .exponents()
-            .into_iter()
-            .map(|(corner, p)| (corner, (1..=n * n).map(|k| (-f64::from(k) / f64::from(n) * p).exp2()).collect()))
-            .collect();
         for (index, tet) in (0..).map(TetId).zip(mesh.tets()) {
-            let Some((cone, warp)) = cone(index) else {
+            let Some((cone, warp)) = cone(index).filter(|(cone, _)| tet.contains(&cone.corner)) else {
                 tets.push(*tet);
                 owners.push(index);
                 continue;
             };
-            let mut above = vec![*tet];
-            for (level, &height) in (0..).zip(&levels[&cone.corner]) {
-                let side = |heights: &HashMap<(VertexId, VertexId), f64>, v: VertexId| {
-                    let over = heights[&(cone.corner, v)] - height;
-                    if over.abs() <= ON_LEVEL * height { 0.0 } else { over }
-                };
-                let (mut whole, mut uncut) = (Vec::new(), above);
-                while let Some(tet) = uncut.pop() {
-                    let pairs = (0..4).flat_map(|i| (0..i).map(move |j| (i, j)));
-                    let crossing = pairs.filter(|&(i, j)| side(&heights, tet[i]) * side(&heights, tet[j]) < 0.0);
-                    // The same one first in all tets around it.
-                    let Some((i, j)) = crossing.min_by_key(|&(i, j)| (tet[i].min(tet[j]), tet[i].max(tet[j]))) else {
-                        whole.push(tet);
-                        continue;
-                    };
-                    let [a, b] = [tet[i].min(tet[j]), tet[i].max(tet[j])];
-                    let middle = *cuts.entry((a, b, level)).or_insert_with(|| {
-                        let [low, high] = [a, b].map(|v| side(&heights, v));
-                        let between =
-                            |at: &[Vec3]| at[a.index()] + (at[b.index()] - at[a.index()]) * (low / (low - high));
+            let mut uncut = *tet;
+            for level in 1..=n * n {
+                let height = bases[&cone.corner] * (-f64::from(level) / f64::from(n) * cone.exponent).exp2();
+                // The others are cut on their edges to the corner, in the order of their numbers, so that neighbours cut alike.
+                let mut others: Vec<VertexId> = uncut.into_iter().filter(|v| *v != cone.corner).collect();
+                others.sort_unstable();
+                if others.iter().any(|&v| heights[&(cone.corner, v)] <= height) {
+                    continue;
+                }
+                for v in others {
+                    let middle = *cuts.entry((cone.corner, v, level)).or_insert_with(|| {
+                        let share = height / heights[&(cone.corner, v)];
+                        let tip = cone.corner.index();
+                        let between = |at: &[Vec3]| at[tip] + (at[v.index()] - at[tip]) * share;
                         let (x, y) = (between(&points), between(&image));
                         points.push(x);
                         image.push(y);
@@ -87,24 +79,13 @@ impl Corners {
                         VertexId(points.len() as u32 - 1)
                     });
                     heights.insert((cone.corner, middle), height);
-                    for end in [i, j] {
-                        let mut half = tet;
-                        half[end] = middle;
-                        uncut.push(half);
-                    }
-                }
-                // What lies above is in its layers.
-                let is_below = |tet: &[VertexId; 4]| tet.iter().any(|&v| side(&heights, v) < 0.0);
-                let (below, done): (Vec<_>, Vec<_>) = whole.into_iter().partition(is_below);
-                owners.resize(owners.len() + done.len(), index);
-                tets.extend(done);
-                above = below;
-                if above.is_empty() {
-                    break;
+                    tets.push(uncut.map(|w| if w == cone.corner { middle } else { w }));
+                    owners.push(index);
+                    uncut = uncut.map(|w| if w == v { middle } else { w });
                 }
             }
-            owners.resize(owners.len() + above.len(), index);
-            tets.extend(above);
+            tets.push(uncut);
+            owners.push(index);
         }
         let points = points.into_iter().zip(unwarped).map(|(x, from)| from.unwrap_or(x)).collect();
         Ok(PiecewiseLinear { mesh: TetMesh::new(points, tets)?, image, owners })

@@ -151,3 +151,52 @@ impl Warped<'_> {
         sums.into_iter().map(|(corner, [share, sum])| (corner, (share, sum / share))).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::Domain;
+    use crate::mesh::Subdivision;
+    use crate::mesh::fixtures::{cube, fan, split};
+    use crate::optimize::BoundaryValues;
+
+    #[test]
+    fn slopes_are_the_derivatives_of_the_least_largest_k_and_the_search_lowers_it() {
+        let mut parted = Subdivision::of(&split(&fan(&cube(), Vec3::zeros())));
+        parted.split_edges(|edge| edge.iter().all(|v| v.0 < 8));
+        let domain = Domain::new(parted.mesh().unwrap()).unwrap();
+        let image: Vec<Vec3> = { domain.mesh().points().iter() }
+            .map(|x| if x.norm() > 0.0 { x * (x.amax() / x.norm()) } else { *x })
+            .collect();
+        let settings = OptimizeSettings {
+            boundary_values: BoundaryValues::Sliding,
+            polish: Polish::None,
+            tolerance: 1e-9,
+            ..OptimizeSettings::default()
+        };
+        let of = |exponent: f64| {
+            let exponents: Vec<(VertexId, f64)> = (0..8).map(|v| (VertexId(v), exponent)).collect();
+            Corners::stars(&domain, &exponents).unwrap()
+        };
+        let solved = |corners: &Corners, start: &[Vec3]| {
+            let warped = Warped { domain: &domain, corners: Some(corners), mirrors: None, onto_ball: false };
+            let outcome = warped.optimize(start, &settings, &mut |_| {}).unwrap();
+            let elements = corners.elements(&domain);
+            let k = measure(&elements.domain, &outcome.positions).summary.max_k;
+            let slopes = warped.slopes(corners, &elements.owners, &outcome.multipliers, &outcome.positions);
+            (k.ln(), slopes.values().map(|(share, slope)| share * slope).sum::<f64>(), outcome.positions)
+        };
+        let exponent: f64 = 1.2;
+        let (ln_k, slope, positions) = solved(&of(exponent), &image);
+        let step = 1e-3;
+        let [less, more] = [-step, step].map(|by: f64| solved(&of(exponent * by.exp()), &positions).0);
+        // The third derivative, of order 1, times step^2, and the accuracy of the solutions over the step.
+        let difference = (more - less) / (2.0 * step);
+        assert!((slope - difference).abs() < 1e-4 && slope.abs() > 0.1, "{slope} {difference}");
+        let corners = of(exponent);
+        let warped = Warped { domain: &domain, corners: Some(&corners), mirrors: None, onto_ball: false };
+        let found = warped.exponents(&image, &settings).unwrap();
+        let (least, _, _) = solved(&found, &image);
+        assert!(least < ln_k - 1e-3, "{least} {ln_k} {:?}", found.exponents());
+    }
+}
