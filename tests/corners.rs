@@ -106,7 +106,7 @@ fn a_power_at_the_corners_of_a_cube_lowers_k_and_every_file_has_it() {
         (&["evaluate", "linear", "o", "--refine", "2"][..], "the map is piecewise linear"),
         (&["evaluate", "power", "o", "--refine", "0"][..], "0 is not in 1..=16"),
         (&["evaluate", "power", "x.csv", "o", "--refine", "2"][..], "cannot be used with"),
-        (&["evaluate", "power", "power", "--refine", "2"][..], "is one of the inputs"),
+        (&["evaluate", "power", "power", "--refine", "2"][..], "would be written over"),
         (&["evaluate", "power", "o.csv"][..], "required"),
     ] {
         let (code, _, err) = qcball(folder.path(), arguments);
