@@ -18,7 +18,7 @@ tetrahedron|brackets|domain.solid=tetrahedron boundary.corners=2.5 mesh.sectors=
 cube|brackets|
 octahedron|brackets|domain.solid=octahedron boundary.corners=1.9 mesh.rings=8 mesh.layers=8
 dodecahedron|brackets|domain.solid=dodecahedron boundary.corners=1.25 mesh.sectors=5 mesh.rings=7 mesh.layers=7
-icosahedron|brackets|domain.solid=icosahedron boundary.corners=1.4 mesh.sectors=9 mesh.rings=7 mesh.layers=7
+icosahedron|brackets|domain.solid=icosahedron boundary.corners=1.45 mesh.sectors=5 mesh.rings=7 mesh.layers=7
 box 1 x 1 x 2|brackets|domain.solid=box domain.size=[1,1,2] boundary.corners="power" mesh.sectors=4 mesh.rings=7 mesh.layers=7
 3-sided prism|brackets|domain.solid=prism domain.sides=3 boundary.corners="power" mesh.sectors=4 mesh.rings=7 mesh.layers=7
 5-sided prism|brackets|domain.solid=prism domain.sides=5 boundary.corners="power" mesh.sectors=4 mesh.rings=7 mesh.layers=7
@@ -88,7 +88,8 @@ least pi over the sharpest dihedral angle alpha of D, and at most K onto the bal
 boundary slides and which is like r^p at the corners. Whether (pi / alpha)^(3/2), which no piecewise-linear map of a fine mesh goes below, with powers
 at the corners or without, is the coefficient is not known. *K*: of the same map onto the polyhedron. *Radial* and *fixed*: K onto the ball of the radial
 piecewise-linear map of the same mesh, and of the one optimized with the radial boundary values, symmetric too. Every certified value is
-of a folder that \`qcball verify\` accepted; \`tests/differences.py\` looks for larger K at 100,000 random points. Seconds are CPU time of the run that gave it, one thread.
+of a folder that \`qcball verify\` accepted; \`tests/differences.py\` looks for larger K at 100,000 random points. Seconds are CPU time of the run that gave it, one thread. The ellipsoid is the polyhedron
+inscribed in it that the mesh fills. Rows were made by the programs of different commits; \`tests/brackets.sh QCBALL NAME\` makes one anew.
 
 | solid | pi / alpha | certified | (pi / alpha)^(3/2) | K | p | radial | fixed | tets | s |
 |---|--:|--:|--:|--:|--:|--:|--:|--:|--:|
