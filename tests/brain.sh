@@ -64,5 +64,5 @@ TEXT
     done
 } > "$runs/table.md"
 cp "$runs/table.md" results/brain/table.md
-"$qcball" picture "$runs/pial-fixed/domain.vtu" "$runs/pial-fixed/image.vtu" results/pictures/brain.png
+"$qcball" picture "$runs/pial-sliding/domain.vtu" "$runs/pial-sliding/image.vtu" results/pictures/brain.png
 echo results/brain/table.md
