@@ -4,13 +4,11 @@ use std::collections::HashMap;
 use std::f64::consts::TAU;
 
 use super::error::Fault;
-use super::start::Start;
 use crate::config::Plan;
 use crate::domain::Domain;
 use crate::map::corner::solid_angles;
 use crate::map::{Cone, CornerChoice, Corners};
-use crate::mesh::{BoundaryEdges, Features, Mirrors, Vec3, VertexId};
-use crate::optimize::{Outcome, StopReason, TraceRow, Untangled, Warped, untangle};
+use crate::mesh::{BoundaryEdges, Features, VertexId};
 use crate::solid::{Flag, FlagMesh};
 
 /// The power s of 2 pi / omega from which exponents are sought. Best are 0.2 to 0.3 with fixed boundary values and 0.3 to 0.45 with
@@ -82,52 +80,4 @@ pub(super) fn corners(domain: &Domain, flags: Option<&Flags>, plan: &Plan) -> Re
 fn by_power(domain: &Domain, vertices: &[VertexId]) -> HashMap<VertexId, f64> {
     let angles = solid_angles(domain, vertices);
     vertices.iter().zip(angles).map(|(&vertex, angle)| (vertex, (TAU / angle).powf(USUAL_POWER))).collect()
-}
-
-/// The mirror planes of a start's domain, about its star centre, that its image keeps.
-pub(super) fn mirrors(start: &Start) -> Result<Mirrors, Fault> {
-    /// Of the radius, far above rounding.
-    const NEAR: f64 = 1e-9;
-    let (mesh, boundary) = (start.domain.mesh(), start.domain.boundary());
-    let features = Features::of(mesh, boundary, &BoundaryEdges::of(mesh, boundary));
-    let corners: Vec<Vec3> =
-        (0..).zip(mesh.points()).filter(|(v, _)| features.is_corner(VertexId(*v))).map(|(_, point)| *point).collect();
-    let kept = |mirrors: &Mirrors| {
-        let again = mirrors.unfolded(&mirrors.folded(&start.image));
-        let radius = start.image.iter().map(|p| p.norm()).fold(0.0, f64::max);
-        again.iter().zip(&start.image).all(|(a, b)| (a - b).norm() <= NEAR * radius)
-    };
-    let found = start.centre.as_ref().and_then(|centre| Mirrors::of(mesh, &centre.position, &corners));
-    found.filter(kept).ok_or(Fault::NoMirrors)
-}
-
-/// Optimizes the images of the vertices for the exponents that a start's corners have; if they are to be found, for those that a search
-/// by K onto the polyhedron ends with: those for K onto the ball are about the same. Gives the corners with the exponents arrived at.
-pub(super) fn optimize_warped(
-    start: &Start,
-    plan: &Plan,
-    observe: &mut dyn FnMut(&TraceRow),
-) -> Result<(Untangled, Outcome, Option<Corners>), Fault> {
-    let domain = &start.domain;
-    let fixed = domain.boundary().vertex_mask();
-    // One time limit for the search and what follows.
-    let settings = &plan.optimize.starting_now();
-    let mirrors = if plan.symmetric { Some(mirrors(start)?) } else { None };
-    let untangled = untangle(domain, &start.image, fixed, settings, observe)?;
-    let warped = Warped { domain, corners: None, mirrors: mirrors.as_ref(), onto_ball: plan.onto_ball };
-    if !untangled.resisting.is_empty() {
-        let stop = StopReason::of(&settings.cancel).unwrap_or(StopReason::StillFlipped);
-        let outcome = Outcome { stop, ..Outcome::still_flipped(untangled.positions.clone()) };
-        return Ok((untangled, outcome, start.corners.clone()));
-    }
-    let corners = match &start.corners {
-        Some(corners) if plan.corners == CornerChoice::Power => {
-            let first = Warped { corners: Some(corners), onto_ball: false, ..warped };
-            Some(first.exponents(&untangled.positions, settings)?)
-        }
-        corners => corners.clone(),
-    };
-    let warped = Warped { corners: corners.as_ref(), ..warped };
-    let outcome = warped.optimize(&untangled.positions, settings, observe)?;
-    Ok((untangled, outcome, corners))
 }

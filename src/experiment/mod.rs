@@ -7,6 +7,7 @@ mod optimize_map;
 mod record;
 mod splits;
 mod start;
+mod warped;
 
 use std::time::Instant;
 
@@ -28,7 +29,7 @@ pub use optimize_map::{GivenMap, OptimizedMap, optimize_map, read_locks};
 pub(crate) use record::{Course, Heading, bounds, record};
 pub(crate) use start::Start;
 
-use corners::optimize_warped;
+use warped::optimize_warped;
 
 /// Relative distance below the largest K within which a tet counts as active.
 const ACTIVE: f64 = 1e-3;
