@@ -14,7 +14,7 @@ csv=results/brackets/table.csv
 # Name; config; overrides.
 rows() {
     cat <<ROWS
-tetrahedron|brackets|domain.solid=tetrahedron boundary.corners=2.5 mesh.sectors=7 mesh.rings=11 mesh.layers=10
+tetrahedron|brackets|domain.solid=tetrahedron boundary.corners=2.5 mesh.rings=10 mesh.layers=10
 cube|brackets|
 octahedron|brackets|domain.solid=octahedron boundary.corners=1.9 mesh.rings=8 mesh.layers=8
 dodecahedron|brackets|domain.solid=dodecahedron boundary.corners=1.25 mesh.sectors=5 mesh.rings=7 mesh.layers=7
