@@ -253,6 +253,7 @@ fn corners_without_sense_are_refused() {
         (format!("{FLAGS}[boundary]\ncorners = -1\n"), "a.toml:9: `boundary.corners` is -1"),
         (format!("{FLAGS}[boundary]\ncorners = 0\n"), "a.toml:9: `boundary.corners` is 0"),
         (format!("{FLAGS}[boundary]\ncorners = inf\n"), "a.toml:9: `boundary.corners` is inf"),
+        (format!("{FLAGS}[boundary]\ncorners = 60\n"), "must be a number from 0.05 to 50"),
         (format!("{FLAGS}[boundary]\ncorners = \"cubic\"\n"), "corners are \"linear\", \"power\" or a number"),
         (format!("{FLAGS}[boundary]\ncorners = 2\n[map]\nkind = \"folding\"\nratio = 2\n"), "use the map \"radial\""),
         (format!("{FLAGS}[boundary]\ncorners = 2\n[bounds]\ncertify = true\n"), "a.toml:11: the Gram certificate"),

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::error::{ConfigError, Fault};
 use super::limits::whole;
-use super::{Config, ConfigSource, ObjectiveName, OptimizeTable, plan};
+use super::{Config, ConfigSource, CornersName, CornersValue, ObjectiveName, plan};
 use crate::optimize::OptimizeSettings;
 
 /// How a folder of meshes is optimised.
@@ -51,12 +51,16 @@ pub fn optimize_settings(path: &Path) -> Result<OptimizeSettings, ConfigError> {
 
 /// The settings that a map without a solid behind it can be optimized with.
 fn of_given_maps(config: &Config) -> Result<OptimizeSettings, Fault> {
-    let OptimizeTable { symmetric, objective, .. } = config.optimize;
-    let key = match (symmetric, objective) {
-        (true, _) => "symmetric",
-        (_, ObjectiveName::Ball) => "objective",
-        _ => return plan::optimize(config),
-    };
-    let message = format!("`optimize.{key}` asks for what only `qcball run` can do");
-    Err(Fault::at(&["optimize", key], message, "remove the key, or write a config with the solid"))
+    let (optimize, boundary, refine) = (&config.optimize, &config.boundary, &config.refine);
+    let asked = [
+        (["optimize", "symmetric"], optimize.symmetric),
+        (["optimize", "objective"], optimize.objective == ObjectiveName::Ball),
+        (["boundary", "corners"], !matches!(boundary.corners, None | Some(CornersValue::Named(CornersName::Linear)))),
+        (["boundary", "corner_vertices"], boundary.corner_vertices.is_some()),
+        (["boundary", "collar"], boundary.collar != 0.0),
+        (["refine", "rounds"], refine.rounds.is_some_and(|rounds| rounds != 0)),
+    ];
+    let Some((key, _)) = asked.into_iter().find(|(_, is_asked)| *is_asked) else { return plan::optimize(config) };
+    let message = format!("`{}` is for `qcball run`, which reads the map from the solid's own config", key.join("."));
+    Err(Fault::at(&key, message, "remove the key, or write a config with the solid"))
 }

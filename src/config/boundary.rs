@@ -1,10 +1,14 @@
 //! The table `[boundary]`: what happens at the corners of the solid, and next to its boundary.
 
+use std::ops::RangeInclusive;
+
 use super::error::Fault;
-use super::limits::positive;
 use super::{Config, CornersName, CornersValue, InitialMap, MeshPlan};
 use crate::map::CornerChoice;
 use crate::mesh::VertexId;
+
+/// Exponents of corners: with others r^p leaves the range in which a map and its inverse can be told from rounding.
+const EXPONENTS: RangeInclusive<f64> = 0.05..=50.0;
 
 /// The most tets that a collar may add, as a share of all.
 pub(super) fn collar(config: &Config, mesh: &MeshPlan) -> Result<f64, Fault> {
@@ -32,7 +36,12 @@ pub(super) fn corners(config: &Config, map: &InitialMap) -> Result<CornerChoice,
     let choice = match config.boundary.corners {
         None | Some(CornersValue::Named(CornersName::Linear)) => return Ok(CornerChoice::Linear),
         Some(CornersValue::Named(CornersName::Power)) => CornerChoice::Power,
-        Some(CornersValue::Exponent(exponent)) => CornerChoice::Exponent(positive(Some(exponent), 1.5, &key)?),
+        Some(CornersValue::Exponent(exponent)) if !EXPONENTS.contains(&exponent) => {
+            let (least, most) = (EXPONENTS.start(), EXPONENTS.end());
+            let message = format!("`boundary.corners` is {exponent}, but must be a number from {least} to {most}");
+            return Err(Fault::at(&key, message, "give for example 1.5, or \"power\""));
+        }
+        Some(CornersValue::Exponent(exponent)) => CornerChoice::Exponent(exponent),
     };
     if !matches!(map, InitialMap::Auto { .. } | InitialMap::Radial { .. }) {
         let message = "powers at the corners are for maps onto the ball".to_string();

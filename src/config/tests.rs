@@ -354,6 +354,28 @@ fn the_schema_describes_every_key() {
 }
 
 #[test]
+fn a_map_without_a_solid_takes_no_key_that_would_be_passed_over() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("case.toml");
+    let read = |text: &str| {
+        std::fs::write(&path, text).unwrap();
+        optimize_settings(&path)
+    };
+    for (table, key, value) in [
+        ("boundary", "corners", "1.5"),
+        ("boundary", "corner_vertices", "[0]"),
+        ("boundary", "collar", "0.1"),
+        ("refine", "rounds", "2"),
+        ("optimize", "symmetric", "true"),
+        ("optimize", "objective", "\"ball\""),
+    ] {
+        let message = read(&format!("[{table}]\n{key} = {value}\n")).unwrap_err().to_string();
+        assert!(message.contains(&format!("`{table}.{key}` is for `qcball run`")), "{message}");
+    }
+    assert!(read("[boundary]\nvalues = \"sliding\"\ncorners = \"linear\"\n[refine]\nrounds = 0\n").is_ok());
+}
+
+#[test]
 fn a_missing_file_and_a_folder_are_named() {
     let folder = tempfile::tempdir().unwrap();
     for path in [folder.path(), &folder.path().join("none.toml"), Path::new("")] {

@@ -21,6 +21,7 @@ mod region;
 mod untangle;
 mod warped;
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
@@ -168,7 +169,7 @@ impl std::fmt::Display for StopReason {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TraceRow {
     /// The phase, e.g. `"p=48"`.
-    pub phase: String,
+    pub phase: Arc<str>,
     /// Iteration over all phases, from 1; row 0 is the start.
     pub iteration: usize,
     /// The phase's objective in units of ln K: E_p, or the bound of the minimax problem.

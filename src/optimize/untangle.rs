@@ -131,7 +131,7 @@ fn attempt(
             best.seconds = clock.elapsed().as_secs_f64();
             let flipped = flipped_tets(domain, iterate.image());
             observe(&TraceRow {
-                phase: format!("untangle, {} flipped", flipped.len()),
+                phase: format!("untangle, {} flipped", flipped.len()).into(),
                 iteration: iterations,
                 objective: value,
                 max_k: if flipped.is_empty() { f64::NAN } else { f64::INFINITY },

@@ -55,7 +55,9 @@ impl Options {
         let done = waited(py, cancel, || {
             on_threads(threads, || {
                 job(&mut |row| {
-                    watch.call(|| (row.phase.clone(), row.iteration, row.max_k, row.mean_k, row.progress, row.seconds));
+                    watch.call(|| {
+                        (row.phase.to_string(), row.iteration, row.max_k, row.mean_k, row.progress, row.seconds)
+                    });
                 })
             })
         })?;
@@ -150,7 +152,7 @@ pub(super) fn run<'py>(
     let watch = Watch::new(py, &observe, &cancel);
     let finished = waited(py, &cancel, || {
         experiment::run(&plan, &mut |row| {
-            watch.call(|| (row.phase.clone(), row.iteration, row.max_k, row.mean_k, row.progress, row.seconds));
+            watch.call(|| (row.phase.to_string(), row.iteration, row.max_k, row.mean_k, row.progress, row.seconds));
         })
     })?;
     watch.ended()?;

@@ -232,7 +232,7 @@ fn trace(files: &Files, before: &Measured, unrefined: Option<&Summary>, findings
             Some(first) => close(row.max_k, first.max_k, SAME_START) && close(row.mean_k, first.mean_k, SAME_START),
             None => close(row.max_k, first.max_k, SAME_ROW),
         };
-        findings.expect(row.phase == "start" && same, || "row 0 of trace.csv is not the start".into());
+        findings.expect(&*row.phase == "start" && same, || "row 0 of trace.csv is not the start".into());
     }
     let passed =
         rows.iter().any(|row| close(row.max_k, last.max_k, SAME_ROW) && close(row.mean_k, last.mean_k, SAME_ROW));

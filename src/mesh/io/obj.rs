@@ -81,7 +81,8 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<PolygonSoup, ReadError> 
             [] => vec![3; rest.len() / 3],
             arities => arities.iter().map(|&arity| arity as usize).collect(),
         };
-        for arity in arities {
+        // A line "f" without vertices is no face.
+        for arity in arities.into_iter().filter(|&arity| arity > 0) {
             let (polygon, tail) = rest.split_at(arity);
             rest = tail;
             let corners = polygon.iter().map(|&index| points[index as usize]);

@@ -79,7 +79,7 @@ pub fn untangle_locally(
         best.iterations = sweeps;
         best.seconds = clock.elapsed().as_secs_f64();
         observe(&TraceRow {
-            phase: format!("untangle, {} flipped", flipped.len()),
+            phase: format!("untangle, {} flipped", flipped.len()).into(),
             iteration: sweeps,
             objective: energy,
             max_k: if flipped.is_empty() { f64::NAN } else { f64::INFINITY },

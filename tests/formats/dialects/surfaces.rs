@@ -44,6 +44,7 @@ fn obj() -> Cases {
         ("returns.obj", whole.replace('\n', "\r").into(), solid("")),
         ("repeat.obj", with("f 1 1 2\n"), solid("1 polygons without area were dropped")),
         ("line.obj", with("f 1 2\n"), solid("1 polygons without area were dropped")),
+        ("bare.obj", with("f\n"), solid("")),
         (
             "spike.obj",
             whole.replace("f 1 4 3", "f 1 4 4 3 7 3").into(),
