@@ -59,10 +59,12 @@ while IFS='|' read -r name config keys; do
     row=$(jq -rs --arg name "$name" --arg seconds "$seconds" '
         def digits($n): if . == null then "" else . * pow(10; $n) | round / pow(10; $n) | tostring end;
         def up: . * 1e4 | ceil / 1e4 | tostring;
+        # What rounding took off a number such as 2 is given back.
+        def down: if . == null then "" else . * 1e4 + 1e-6 | floor / 1e4 | tostring end;
         def range: if length == 0 then "" elif .[0] == .[-1] then (.[0] | digits(3)) else (.[0] | digits(3)) + " to " + (.[-1] | digits(3)) end;
         .[0] as $radial | .[1] as $fixed | .[2] as $best
         | ([$best.bounds[] | select(.name == "wedge") | .value] | max) as $lower
-        | [$name, ($lower | digits(4)), ($best.final.ball_k.certified | up), (if $lower then pow($lower; 1.5) else null end | digits(4)),
+        | [$name, ($lower | down), ($best.final.ball_k.certified | up), (if $lower then pow($lower; 1.5) else null end | digits(4)),
           ($best.final.max_k | digits(4)), ([($best.corners // [])[].exponent] | sort | range), ($radial.final.ball_k.certified | up),
           ($fixed.final.ball_k.certified | up), ($best.domain.tets | tostring), $seconds]
         | join(",")' "$dir/radial/report.json" "$dir/fixed/report.json" "$dir/best/report.json")

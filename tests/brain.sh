@@ -46,7 +46,8 @@ TEXT
     cat <<TEXT
 
 The solids, meshed by TetGen with the triangles kept, at most $iterations iterations, one thread: *start*: flipped tets of the start, *splits*: edges halved
-for them; *K deviation* and *volume*: standard deviations of K and of the ratio of volumes, and of its logarithm, over the tets; *CPU*: all of a run.
+for them; *K deviation* and *volume*: standard deviations of K and of the ratio of volumes, and of its logarithm, over the tets; *best bound*: of maps of this mesh
+with the positions on the sphere that the boundary has at the end; *CPU*: all of a run.
 
 | surface | boundary | tets | start | splits | trace bound | best bound | max K | mean K | K deviation | volume | log volume | K onto the ball | bijective | stop | CPU, s |
 |---|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|---|---|
