@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::bound::{LowerBound, Scope, best_applicable};
+use crate::bound::{BoundName, LowerBound, Scope, best_applicable};
 use crate::dilatation::{lower_bound, rounded_up};
 use crate::mesh::Place;
 use crate::optimize::{KktResidual, StopReason};
@@ -24,7 +24,8 @@ pub enum LimitedBy {
     ProvedOptimal,
     /// The boundary values: a bound for them comes close to K, and finer meshes would not lower it much.
     BoundaryValues,
-    /// The mesh: the bound for this mesh comes close to K, but for the solid with these boundary values it is much lower.
+    /// The mesh: a bound for this mesh comes close to K, but for the solid with these boundary values it is much lower, or not
+    /// known.
     Mesh,
     /// The optimizer, which had not settled when it ended.
     Optimizer,
@@ -77,8 +78,10 @@ impl Limit {
         }
         let room = rounded_up(100.0 * (1.0 - 1.0 / gap), 1);
         if gap <= CLOSE {
-            return match limit_of_fine_meshes(bounds).filter(|fine| fine * CLOSE < best.value) {
-                Some(fine) => say(
+            // What the surface and its values alone prove holds on every mesh inside.
+            let of_boundary = matches!(best.name, BoundName::Trace | BoundName::EdgeRatio | BoundName::Vertex);
+            return match limit_of_fine_meshes(bounds) {
+                Some(fine) if fine * CLOSE < best.value => say(
                     LimitedBy::Mesh,
                     format!(
                         "the mesh limits K: by {source} no {maps} can gain more than {room} %, while finer meshes are bound \
@@ -86,7 +89,14 @@ impl Limit {
                         lower_bound(fine)
                     ),
                 ),
-                None => say(
+                None if !of_boundary => say(
+                    LimitedBy::Mesh,
+                    format!(
+                        "this mesh limits K: by {source} no {maps} can gain more than {room} %, but one of a mesh refined \
+                         there may"
+                    ),
+                ),
+                _ => say(
                     LimitedBy::BoundaryValues,
                     format!("the boundary values limit K: by {source} no {maps} can gain more than {room} %"),
                 ),
@@ -136,7 +146,7 @@ fn place_in_words(place: &Place) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bound::{BoundName, Kind};
+    use crate::bound::Kind;
 
     fn bound(scope: Scope, value: f64) -> LowerBound {
         let applies = scope == Scope::MeshFixedBoundary;
@@ -175,8 +185,15 @@ mod tests {
             (4.0 * 1.0002, vec![mesh(4.0)], settled, ProvedOptimal, "proved globally optimal up to 0.0200 %"),
             // Bounds are rounded down, the room, here 0.2494 %, up.
             (4.0, vec![mesh(3.99999)], settled, ProvedOptimal, "has a largest K below 3.9999"),
-            (4.01, vec![mesh(4.0)], settled, BoundaryValues, "more than 0.3 %"),
-            (4.2, vec![mesh(4.0)], settled, BoundaryValues, "the boundary values limit K"),
+            (4.01, vec![mesh(4.0)], settled, Mesh, "more than 0.3 %"),
+            (4.2, vec![mesh(4.0)], settled, Mesh, "this mesh limits K"),
+            (
+                4.2,
+                vec![LowerBound { name: BoundName::Trace, ..mesh(4.0) }],
+                settled,
+                BoundaryValues,
+                "the boundary values limit K",
+            ),
             (4.2, vec![mesh(4.0), smooth(3.9)], settled, BoundaryValues, "more than 4.8 %"),
             (4.2, vec![mesh(4.0), smooth(3.0)], settled, Mesh, "finer meshes are bound by 3.0000 only"),
             (8.0, vec![mesh(4.0), smooth(3.0)], crawling, Optimizer, "its KKT residual is 1e-1"),
