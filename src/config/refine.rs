@@ -10,7 +10,7 @@ use crate::map::CornerChoice;
 use crate::optimize::BoundaryValues;
 use crate::refine::{Budget, RefineSettings};
 
-/// The table `[refine]`: rounds in which edges are halved inside, of the tets of largest K, before the largest K is settled again. The
+/// The table `[refine]`: rounds in which edges are halved inside, where K is large, before the largest K is settled again. The
 /// surface stays as it is, and so do the values there.
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -59,7 +59,7 @@ pub(super) fn plan(config: &Config, corners: &CornerChoice) -> Result<Option<Ref
     let refuse = |message: &str, help: &str| Err(Fault::at(&["refine", "rounds"], message.into(), help));
     if config.optimize.objective != ObjectiveName::Max || config.optimize.engine.solves_epigraph() {
         return refuse(
-            "refinement goes by the multipliers of the interior-point method, which this [optimize] does not come to",
+            "refinement lowers the largest K by the interior-point method, which this [optimize] does not come to",
             "remove it, or use objective = \"max\" and engine = \"newton\"",
         );
     }

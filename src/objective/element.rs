@@ -134,8 +134,17 @@ pub(super) fn gradient_before(gradient: [Vec3; 4], left: Option<&Mat3>) -> [Vec3
 
 /// The gradient with respect to the four vertices of a function with derivatives `slope` in the singular values.
 pub(super) fn gradient_from(decomposition: &Svd, slope: [f64; 3], inverse_edges: &Mat3) -> [Vec3; 4] {
-    let Svd { left, right, .. } = decomposition;
-    let stress = left * Mat3::from_diagonal(&Vec3::from(slope)) * right.transpose() * inverse_edges.transpose();
+    gradient_at_corners(derivative_from(decomposition, slope), inverse_edges)
+}
+
+/// The derivative with respect to the Jacobian of a function with derivatives `slope` in its singular values.
+pub(super) fn derivative_from(Svd { left, right, .. }: &Svd, slope: [f64; 3]) -> Mat3 {
+    left * Mat3::from_diagonal(&Vec3::from(slope)) * right.transpose()
+}
+
+/// The gradient with respect to the four vertices of a function with this derivative with respect to the Jacobian.
+pub(super) fn gradient_at_corners(derivative: Mat3, inverse_edges: &Mat3) -> [Vec3; 4] {
+    let stress = derivative * inverse_edges.transpose();
     let [g1, g2, g3] = [0, 1, 2].map(|i| stress.column(i).into_owned());
     [-(g1 + g2 + g3), g1, g2, g3]
 }

@@ -23,7 +23,7 @@ pub use assembly::Assembly;
 pub use barrier::Barrier;
 pub use capped_mean::CappedMean;
 pub use element::{ElementDerivatives, Spectrum, centred_logs};
-pub use extremes::{TetFunction, log_dilatations};
+pub use extremes::{TetFunction, log_dilatations, of_jacobian};
 pub use iterate::Iterate;
 pub use opening::opening;
 pub use primal_dual::{NearActive, PrimalDual};

@@ -23,6 +23,13 @@ const LAST_IF_LARGE: f64 = 100.0;
 const CENTRED: f64 = 3e-4;
 /// Most Newton steps a weight.
 const STAGE_STEPS: usize = 25;
+/// Steps in a row that end a weight's stage where each is [`SHORT`] and gains less than [`LITTLE`] times what [`CENTRED`] leaves: tets at
+/// the cap keep them short. On a refined cube of 100,000 tets they take twice as long as all before, and lower the mean from 2.34 to 2.32.
+const SHORT_STEPS: usize = 3;
+/// Share of a full step below which one is short.
+const SHORT: f64 = 0.3;
+/// See [`SHORT_STEPS`].
+const LITTLE: f64 = 10.0;
 
 /// Free vertices up to which the interior-point method does it, with a factor: with 3,700 on a smooth shell in a fifth of the
 /// time of the barrier, whose systems take hundreds of conjugate gradients there; with 1,200 to 3,200 on others in 0.6 to 1.1
@@ -89,6 +96,7 @@ fn barrier(
     {
         recorder.progress = 1.0 - 0.1 * (1.0 - stage as f64 / WEIGHTS.len() as f64);
         let energy = CappedMean { weight, cap };
+        let mut short = 0;
         for _ in 0..STAGE_STEPS {
             let Some(value) = assembly.value(&energy, iterate) else { return PhaseEnd::NoProgress };
             let Some(gradient) = negative.factorize(assembly, &energy, iterate) else {
@@ -112,6 +120,11 @@ fn barrier(
             let mean = trial_value / (weight * tets);
             if recorder.record("mean", mean.ln(), step, iterate) == Progress::Stop {
                 return PhaseEnd::Interrupted;
+            }
+            let crawls = step < SHORT && value - trial_value < LITTLE * CENTRED * weight * tets;
+            short = if crawls { short + 1 } else { 0 };
+            if short == SHORT_STEPS {
+                break;
             }
             negative.raise();
         }

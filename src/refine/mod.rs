@@ -2,18 +2,20 @@
 //!
 //! A few tets decide the largest K, and how bad they are is an accident of the mesh: a finer mesh of the same solid may well end
 //! at a larger K. The multipliers of the minimax problem name one place at a time, and one after the other takes as many rounds as
-//! there are places. A soft maximum is low at all of them at once: each round halves edges of the tets that are worst under it,
+//! there are places. A soft maximum is low at all of them at once: each round halves the edges that gain most per tet,
 //! carries the positions over on both sides, which changes no K, and lowers it again there. The largest K itself is settled at the end.
 //!
 //! Edges of the boundary surface stay whole: the solid, its surface and the values there are what they were, so that K falls or
 //! stays in every round, and what the boundary values alone prove ([`unchanging_bound`]) holds in all of them.
 
+mod gain;
+
 use std::collections::HashSet;
 
 use serde::{Deserialize, Serialize};
 
+use self::gain::Gain;
 use crate::bound::{BoundaryImage, LowerBound, best_applicable, edge_ratio, trace, vertex};
-use crate::dilatation::Dilatation;
 use crate::domain::{Domain, edge_matrix};
 use crate::measure::measure;
 use crate::mesh::{BoundaryEdges, Subdivision, TetId, Vec3, VertexId};
@@ -26,10 +28,9 @@ use crate::optimize::{
 const EXPONENT: f64 = 16.0;
 /// Fall in ln K of a step of the rounds below which there is no further one: with 1e-3 they end at the same maps, later.
 const ROUGH: f64 = 4e-3;
-/// Share of the largest K below which no tet is split in the first half of the rounds: on cube-100k, whose largest K is 3.6 times that of
-/// the next tets, they spend what they may on tets that do not matter without it. In the second half all is spent: there may be tets whose
-/// K hardly falls, which the minimax then brings down at the others' cost.
-const NEAR: f64 = 0.7;
+/// Share of the largest gain below which no edge is halved in the first half of the rounds: on cube-100k, whose largest K is 3.6 times that of
+/// the next tets, they spend what they may on tets that do not matter without it. In the second half all is spent.
+const WORTHWHILE: f64 = 0.1;
 /// The shape of a tet, its volume over the cube of its longest edge (0.118 for the regular one), below which no halving goes,
 /// unless the tet that is halved is as bad. Thin tets at an edge of the solid may be what K sits on: with 1e-3 the cube of 100,000
 /// tets stays at K = 27.
@@ -187,12 +188,12 @@ pub fn refine(
         if settings.cancel.is_due() || refined.outcome.trace.len() > settings.max_iterations {
             break RefineEnd::NotSettled;
         }
-        let near = if 2 * round <= refinement.rounds { NEAR } else { 0.0 };
-        let worst = refined.worst(near);
+        let least = if 2 * round <= refinement.rounds { WORTHWHILE } else { 0.0 };
+        let gains = refined.gains(least);
         let added = refined.domain.mesh().tets().len() - tets_before;
         let part = added + (budget - added) / (refinement.rounds + 1 - round);
-        let subdivision = match refined.subdivided(most(part), &worst) {
-            None if part < budget => refined.subdivided(most(budget), &worst),
+        let subdivision = match refined.subdivided(most(part), &gains) {
+            None if part < budget => refined.subdivided(most(budget), &gains),
             subdivision => subdivision,
         };
         let Some(subdivision) = subdivision else { break RefineEnd::Budget };
@@ -272,27 +273,27 @@ impl RefinedMap {
         Ok(())
     }
 
-    /// The mesh with edges of these tets halved, one of each, as far as there are tets left for; `None` if there are none for one edge.
-    fn subdivided(&self, most_tets: usize, worst: &[TetId]) -> Option<Subdivision> {
+    /// What halving edges inside gains, the best first, down to this share of the best.
+    fn gains(&self, least: f64) -> Vec<Gain> {
         let tets = self.domain.mesh().tets();
         let sides = |t: &[VertexId; 3]| [[0, 1], [1, 2], [2, 0]].map(|[i, j]| pair(t[i], t[j]));
         let on_surface: HashSet<[VertexId; 2]> = self.domain.boundary().triangles().iter().flat_map(sides).collect();
-        let mut at: Vec<Vec<TetId>> = vec![Vec::new(); self.domain.mesh().points().len()];
-        for (id, tet) in (0..).map(TetId).zip(tets) {
-            tet.iter().for_each(|v| at[v.index()].push(id));
-        }
-        let longest = |tet: TetId| {
-            let corners = tets[tet.index()];
-            let edges = (0..4).flat_map(|i| (0..i).map(move |j| pair(corners[i], corners[j])));
-            let allowed = edges.filter(|edge| !on_surface.contains(edge) && self.keeps_shape(*edge, &at));
-            // The first of equals, by its ends.
-            allowed.max_by(|a, b| self.length(*a).total_cmp(&self.length(*b)).then(b.cmp(a)))
-        };
+        let at = tets_at_vertices(&self.domain);
+        let allowed = |edge| !on_surface.contains(&edge) && self.keeps_shape(around(edge, tets, &at), edge);
+        let mut gains = gain::gains(&self.domain, &self.outcome.positions, &at, &allowed);
+        let best = gains.first().map_or(0.0, |gain| gain.value);
+        gains.retain(|gain| gain.value >= least * best);
+        gains
+    }
+
+    /// The mesh with these edges halved, as far as there are tets left for; `None` if there are none for the first.
+    fn subdivided(&self, most_tets: usize, gains: &[Gain]) -> Option<Subdivision> {
+        let tets = self.domain.mesh().tets();
+        let at = tets_at_vertices(&self.domain);
         let mut count = tets.len();
         let (mut halved, mut wanted) = (Vec::new(), HashSet::new());
-        for &tet in worst {
-            let Some(edge) = longest(tet).filter(|edge| !wanted.contains(edge)) else { continue };
-            count += at[edge[0].index()].iter().filter(|tet| tets[tet.index()].contains(&edge[1])).count();
+        for &Gain { edge, .. } in gains {
+            count += around(edge, tets, &at).count();
             halved.push(edge);
             wanted.insert(edge);
             if count > most_tets {
@@ -313,29 +314,11 @@ impl RefinedMap {
         }
     }
 
-    /// The tets whose K is at least this share of the largest, the worst first, by their numbers among equals.
-    fn worst(&self, share: f64) -> Vec<TetId> {
-        let dilatation = |tet: u32| Dilatation::of(&self.domain.jacobian(TetId(tet), &self.outcome.positions)).k();
-        let all: Vec<f64> = (0..self.domain.mesh().tets().len() as u32).map(dilatation).collect();
-        let least = share * all.iter().copied().fold(1.0, f64::max);
-        let mut tets: Vec<TetId> = (0..all.len() as u32).map(TetId).filter(|tet| all[tet.index()] >= least).collect();
-        tets.sort_by(|a, b| all[b.index()].total_cmp(&all[a.index()]).then(a.cmp(b)));
-        tets
-    }
-
-    /// The squared length of an edge of the domain times that of its image. By the domain's alone, cube-10k with 60 % more tets ends at 5.30
-    /// instead of 5.19, tetra-10k at 16.8 instead of 15.9.
-    fn length(&self, edge: [VertexId; 2]) -> f64 {
-        let squared = |points: &[Vec3]| (points[edge[0].index()] - points[edge[1].index()]).norm_squared();
-        squared(self.domain.mesh().points()) * squared(&self.outcome.positions)
-    }
-
-    /// Whether the halves of all tets at an edge are well enough shaped.
-    fn keeps_shape(&self, edge: [VertexId; 2], at: &[Vec<TetId>]) -> bool {
+    /// Whether the halves of these tets at an edge are well enough shaped.
+    fn keeps_shape(&self, mut around: impl Iterator<Item = TetId>, edge: [VertexId; 2]) -> bool {
         let mesh = self.domain.mesh();
         let middle = edge.map(|v| mesh.points()[v.index()]).iter().sum::<Vec3>() / 2.0;
-        let around = at[edge[0].index()].iter().filter(|tet| mesh.tets()[tet.index()].contains(&edge[1]));
-        around.into_iter().all(|&tet| {
+        around.all(|tet| {
             let corners = mesh.corners(tet);
             let least = shape(corners).min(WORST_SHAPE);
             edge.iter().all(|end| {
@@ -345,6 +328,24 @@ impl RefinedMap {
             })
         })
     }
+}
+
+/// The tets at each vertex.
+fn tets_at_vertices(domain: &Domain) -> Vec<Vec<TetId>> {
+    let mut at: Vec<Vec<TetId>> = vec![Vec::new(); domain.mesh().points().len()];
+    for (id, tet) in (0..).map(TetId).zip(domain.mesh().tets()) {
+        tet.iter().for_each(|v| at[v.index()].push(id));
+    }
+    at
+}
+
+/// The tets at an edge, of those at each vertex.
+fn around<'m>(
+    edge: [VertexId; 2],
+    tets: &'m [[VertexId; 4]],
+    at: &'m [Vec<TetId>],
+) -> impl Iterator<Item = TetId> + 'm {
+    at[edge[0].index()].iter().copied().filter(move |tet| tets[tet.index()].contains(&edge[1]))
 }
 
 fn pair(a: VertexId, b: VertexId) -> [VertexId; 2] {
