@@ -96,6 +96,8 @@ const ROUGH: f64 = 1e-2;
 const POLYGONS: (usize, usize) = (200_000, 10);
 /// How near the two ends are brought where there are warps.
 const TOLERANCE_WARPED: f64 = 1e-3;
+/// How far below the largest K at a corner one may be by rounding, relative, that is looked at in intervals as well.
+const TIE: f64 = 1e-9;
 /// Most polygons that one tet is given; what is then left of its bound stays.
 const MOST_POLYGONS: usize = 4096;
 /// Tets that are bounded at once; only between batches the largest K so far is looked at, so that it does not depend on the
@@ -165,19 +167,30 @@ fn enclosed(
     // direction and its own matrix are known together.
     let owners = domain.boundary().owners();
     let linear = |tet: &TetId| onto.warped_cone(*tet).is_none();
-    let at_boundary = (0..owners.len()).into_par_iter().filter(|index| linear(&owners[*index])).map(|index| {
-        let (cone, map) = (cones.get(index), map(owners[index].index()));
-        cone.corners.iter().map(|corner| attained(map.largest(map.at(&cone.normal, corner), 0.0))).fold(1.0, f64::max)
-    });
+    // Where K is largest by plain arithmetic, and what ties with that, is looked at in intervals.
+    let corners =
+        |index: usize| cones.get(index).corners.map(|corner| (corner, onto.at_corner(owners[index], index, &corner)));
+    let at_boundary: Vec<(f64, usize, Vec3)> = (0..owners.len())
+        .into_par_iter()
+        .filter(|index| linear(&owners[*index]))
+        .flat_map_iter(|index| corners(index).map(|(corner, k)| (k, index, corner)))
+        .filter(|(k, ..)| k.is_finite())
+        .collect();
+    let highest = at_boundary.iter().map(|(k, ..)| *k).fold(1.0, f64::max);
+    let at_boundary =
+        at_boundary.into_par_iter().filter(|(k, ..)| *k >= highest * (1.0 - TIE)).map(|(_, index, corner)| {
+            let map = map(owners[index].index());
+            attained(map.largest(map.at(&cones.get(index).normal, &corner), 0.0))
+        });
     let of_warped = (0..tets.len() as u32).into_par_iter().map(TetId).filter(|tet| !linear(tet));
     let of_warped = of_warped.map(|tet| attained(onto.sampled(tet))).reduce(|| 1.0, f64::max);
     let mut found = BallDilatation { certified: 1.0, sampled: at_boundary.reduce(|| 1.0, f64::max).max(of_warped) };
     // The tets of largest K first: once theirs are known, most of the others are passed over.
     let most = cones.largest_stretch();
     let bound = |k: f64| product(k, most);
-    let may_exceed = |tet: usize| {
-        !linear(&TetId(tet as u32)) || bound(TetMap::roughly(&rest(tet), &positions(tet)).k()) > found.sampled
-    };
+    // Rounded down, so that no product with K is above what was found.
+    let low = (found.sampled / most).next_down().next_down();
+    let may_exceed = |tet: usize| !linear(&TetId(tet as u32)) || TetMap::may_exceed(&rest(tet), &positions(tet), low);
     let largest = |tet: usize| warped(tet).map_or_else(|| map(tet).k(), |warped| warped.k());
     let mut order: Vec<(f64, usize)> =
         (0..tets.len()).into_par_iter().filter(|&tet| may_exceed(tet)).map(|tet| (bound(largest(tet)), tet)).collect();

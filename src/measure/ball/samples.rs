@@ -35,6 +35,12 @@ impl<'a> OntoBall<'a> {
         self.corners.and_then(|corners| corners.warped_cone(tet))
     }
 
+    /// K of a tet that has no warp in the direction of a corner of the cone of that index, by plain arithmetic; infinite where there is none.
+    pub(super) fn at_corner(&self, tet: TetId, index: usize, corner: &Vec3) -> f64 {
+        let jacobian = self.domain.jacobian(tet, self.image);
+        shear(self.cones.get(index), corner).map_or(f64::INFINITY, |shear| Dilatation::of(&(shear * jacobian)).k())
+    }
+
     /// The largest K at the corners of [`OntoBall::factors`].
     pub(super) fn sampled(&self, tet: TetId) -> f64 {
         self.factors_on(tet, THIN).iter().map(|(k, _)| *k).fold(1.0, f64::max)
