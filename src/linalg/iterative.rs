@@ -1,5 +1,5 @@
 //! The sparse symmetric positive definite solve of large Newton systems: conjugate gradients with an incomplete Cholesky
-//! factor of 3x3 blocks without fill.
+//! factor of 3x3 blocks without fill, and on large meshes a coarse space beside it ([`super::coarse`]).
 //!
 //! Memory grows with the number of vertices only, and so does the time of a step; a direct factor of 80,000 vertices takes
 //! 40 s and 5 GB.
@@ -8,6 +8,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::coarse::CoarseSpace;
 use super::pattern::BlockPattern;
 use super::{Mat3, SparseError, Vec3};
 use crate::cancel::Cancel;
@@ -21,6 +22,11 @@ const ITERATIONS: usize = 400;
 const RAISED: (f64, f64) = (1e-3, 8.0);
 /// Largest such multiple: beyond it the matrix is not positive definite by far.
 const MOST_RAISED: f64 = 1.0;
+/// Vertices from which affine fields on groups of them are solved for directly; below, these solves cost more than they save.
+const COARSE_FROM: usize = 10_000;
+/// Vertices of a group, and the most groups: the factor of more costs as much as all else.
+const GROUP: usize = 200;
+const MOST_GROUPS: usize = 300;
 /// Block rows a parallel task works on at least.
 const TASK: usize = 512;
 
@@ -38,6 +44,7 @@ pub struct BlockConjugateGradients {
     cancel: Cancel,
     /// See [`REDUCTION`].
     reduction: f64,
+    coarse: Option<CoarseSpace>,
 }
 
 impl BlockConjugateGradients {
@@ -71,6 +78,7 @@ impl BlockConjugateGradients {
             blocks,
             cancel: Cancel::default(),
             reduction: REDUCTION,
+            coarse: None,
         }
     }
 
@@ -114,6 +122,19 @@ impl BlockConjugateGradients {
         (self.reduction, self.cancel) = (reduction, cancel.clone());
     }
 
+    /// Says where the vertices lie, one point a block: where they are many, fields that are affine on groups of them are from now on
+    /// solved for directly within each iteration.
+    ///
+    /// # Errors
+    /// [`SparseError::TooLarge`].
+    pub fn place(&mut self, points: &[Vec3]) -> Result<(), SparseError> {
+        let groups = (points.len() / GROUP).min(MOST_GROUPS);
+        if points.len() >= COARSE_FROM {
+            self.coarse = Some(CoarseSpace::new(&self.pattern, points, groups)?);
+        }
+        Ok(())
+    }
+
     /// The product of the matrix of the present values with a vector.
     pub fn multiply(&mut self, vector: &[f64]) -> Vec<f64> {
         self.take_blocks();
@@ -144,6 +165,9 @@ impl BlockConjugateGradients {
     /// [`SparseError::NotPositiveDefinite`] if that breaks down even after the diagonal is doubled.
     pub fn factorize(&mut self) -> Result<(), SparseError> {
         self.take_blocks();
+        if let Some(coarse) = &mut self.coarse {
+            coarse.factorize(&self.pattern, &self.blocks);
+        }
         let mut raised = 0.0;
         while !self.incomplete_factor(raised) {
             raised = if raised == 0.0 { RAISED.0 } else { RAISED.1 * raised };
@@ -200,8 +224,8 @@ impl BlockConjugateGradients {
         true
     }
 
-    /// Applies the inverse of the incomplete factor's product.
-    fn precondition(&self, residual: &[Vec3], result: &mut Vec<Vec3>) {
+    /// Applies the inverse of the incomplete factor's product, and adds what solves for the fields of groups.
+    fn precondition(&mut self, residual: &[Vec3], result: &mut Vec<Vec3>) {
         result.clear();
         result.extend_from_slice(residual);
         for column in 0..self.pattern.block_count() {
@@ -220,11 +244,14 @@ impl BlockConjugateGradients {
             }
             result[column] = self.factor[start].tr_mul(&sum);
         }
+        if let Some(coarse) = &mut self.coarse {
+            coarse.add_solution(residual, result);
+        }
     }
 
     /// Replaces the right-hand side by an approximate solution, to a share of the residual, [`REDUCTION`] if nothing else was said, or to where the curvature
     /// is not positive or the iterations are used up or it is cancelled. The solution's product with the right-hand side is positive.
-    pub fn solve(&self, right_hand_side: &mut [f64]) {
+    pub fn solve(&mut self, right_hand_side: &mut [f64]) {
         let mut residual: Vec<Vec3> = right_hand_side.chunks_exact(3).map(Vec3::from_column_slice).collect();
         let mut solution = vec![Vec3::zeros(); residual.len()];
         let mut product = solution.clone();

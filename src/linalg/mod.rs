@@ -1,6 +1,7 @@
 //! The linear algebra that needs care here: intervals, the 3x3 singular value decomposition, the sparse SPD solve, small
 //! quadratic programs.
 
+mod coarse;
 pub(crate) mod interval;
 mod iterative;
 mod ordering;

@@ -71,7 +71,9 @@ impl<'d> Assembly<'d> {
             (0..tets.len()).flat_map(|t| (0..4).filter_map(move |v| Some((local(t, v)? as usize, (4 * t + v) as u32)))),
         );
         let edges = edges(tets, &unknown_of);
-        let system = NewtonSystem::new(method, free.len(), &edges)?;
+        let mut system = NewtonSystem::new(method, free.len(), &edges)?;
+        let points: Vec<Vec3> = free.iter().map(|&v| domain.mesh().points()[v as usize]).collect();
+        system.place(&points)?;
         let slot = |row: u32, column: u32| {
             let (start, end) = (system.column_starts()[column as usize], system.column_starts()[column as usize + 1]);
             start + system.rows()[start..end].binary_search(&row).expect("every pair of a tet is in the pattern")

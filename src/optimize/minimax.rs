@@ -18,7 +18,7 @@ const LEVEL: f64 = 1e-5;
 pub(super) enum Ending {
     /// As a phase ends, with the residual over all free vertices.
     Settled(PhaseEnd, Option<KktResidual>),
-    /// The tets of large K are too many to be solved for at once.
+    /// The tets of large K are too many to be solved for at once, at first or after a part of them was.
     TooWide,
 }
 
@@ -31,7 +31,7 @@ pub(super) fn minimax(
 ) -> Result<Ending, SparseError> {
     let (tolerance, most) = (settings.tolerance, settings.effort.most_free());
     let free = whole.free().len();
-    let mut last = None;
+    let (mut last, mut too_wide) = (None, false);
     // Sliding regions have no boundary whose triangles could be watched: they are taken whole.
     if whole.unknowns().slides() {
         if free > most {
@@ -49,6 +49,7 @@ pub(super) fn minimax(
     }
     for (share, rings) in ROUNDS {
         let Some(region) = Region::of_large_dilatation(whole, image, share, rings, most) else {
+            too_wide = true;
             break;
         };
         let mut assembly = Assembly::new(&region.domain, &region.unknowns, Method::Direct)?;
@@ -69,7 +70,11 @@ pub(super) fn minimax(
             break;
         }
     }
-    Ok(match last {
+    if too_wide {
+        // The multipliers of a part that others would take further are of no use.
+        recorder.multipliers.clear();
+    }
+    Ok(match last.filter(|_| !too_wide) {
         Some((end, kkt)) => Ending::Settled(end, kkt),
         None => Ending::TooWide,
     })
