@@ -429,7 +429,7 @@ fn continuation(
         return Ok((end, kkt));
     }
     // Too many tets decide: higher exponents come nearer to the largest K in any case.
-    for exponent in EXPONENTS.into_iter().filter(|&p| p > last) {
+    for exponent in EXPONENTS.into_iter().filter(|&p| p > last && p <= settings.effort.last_exponent()) {
         if phase(assembly, iterate, exponent, PHASE_TOLERANCE, recorder) == PhaseEnd::Interrupted {
             return Ok((PhaseEnd::Interrupted, None));
         }
