@@ -24,9 +24,11 @@ for name in "${names[@]}"; do
     jq -r --arg name "$name" --arg verified "$verified" --slurpfile plain "$runs/$name-0/report.json" '
         def up($n): if . == null then "inf" else . * pow(10; $n) | ceil / pow(10; $n) | tostring end;
         def down: . * 100 | floor / 100;
+        # Where K has not fallen by half: the worst tet of the refined domain.
+        def worst: if .final.max_k > $plain[0].final.max_k / 2 then "\(.bottleneck.tet), at \(.bottleneck.place.kind) \(.bottleneck.place | if .vertices then .vertices | map(tostring) | join("-") else .vertex end)" else "" end;
         ([.bounds[] | select(.name == "edge-ratio" or .name == "trace" or .name == "vertex") | .value] | max) as $bound
         | [ $name, .refined.tets_before, ($plain[0].final.max_k | up(2)), "\(.domain.tets - .refined.tets_before) (\((.domain.tets / .refined.tets_before - 1) * 1000 | round / 10) %)",
-            (.final.max_k | up(2)), (.final.max_k / $plain[0].final.max_k | up(3)), ($bound | down), .refined.end, ($plain[0].cpu_seconds | up(0)), (.cpu_seconds | up(0)), $verified, .limit.sentence ]
+            (.final.max_k | up(2)), (.final.max_k / $plain[0].final.max_k | up(3)), ($bound | down), .refined.end, ($plain[0].cpu_seconds | up(0)), (.cpu_seconds | up(0)), $verified, worst, .limit.sentence ]
         | "| " + (map(tostring) | join(" | ")) + " |"' "$runs/$name-8/report.json" >> "$runs/rows.new"
 done
 mv "$runs/rows.new" "$runs/rows"
@@ -38,9 +40,10 @@ mkdir -p results/refined-models
 Made by `tests/refined-models.sh`: tet meshes as they came, mapped onto the ball from a spherical start with the boundary fixed, as they are
 and with 8 rounds of refinement and at most 20 % more tets. *Ratio*: max K refined over max K. *Bound*: what the boundary's values allow at
 best on any mesh inside, as far as it is known. *Verified*: by `qcball verify`. *CPU*: processor seconds of the two runs.
+*Worst tet*: where max K has not fallen by half, the tet of `domain.vtu` that holds it, and the bottleneck it is at.
 
-| model | tets | max K | tets added | max K refined | ratio | bound | ended | CPU s | refined | verified | what limits K |
-|---|--:|--:|--:|--:|--:|--:|---|--:|--:|---|---|
+| model | tets | max K | tets added | max K refined | ratio | bound | ended | CPU s | refined | verified | worst tet | what limits K |
+|---|--:|--:|--:|--:|--:|--:|---|--:|--:|---|---|---|
 TEXT
     cat "$runs/rows"
 } > results/refined-models/table.md

@@ -33,7 +33,7 @@ while read -r name rounds allowed; do
         | "| " + (map(tostring) | join(" | ")) + " |"' "$dir/refined.json" >> "$dir/table.md"
 done <<'MESHES'
 cube-1k 8 60%
-cube-1k 8 400%
+cube-1k 8 150%
 bumpy-1k 8 60%
 dodeca-1k 8 60%
 icosa-1k 8 60%
@@ -53,6 +53,7 @@ prism-10k 8 60%
 tetra-10k 8 10%
 tetra-10k 8 60%
 cube-100k 8 3%
+cube-100k 14 3%
 MESHES
 mkdir -p results/refined
 cp "$dir/table.md" results/refined/table.md

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use crate::domain::Domain;
-use crate::linalg::svd;
+use crate::linalg::{LANES, svds};
 use crate::mesh::{Mat3, TetId, Vec3, VertexId};
 use crate::objective::{Iterate, of_jacobian};
 
@@ -87,9 +87,15 @@ struct SoftMaximum {
 /// `1 / q ln mean of K_I^q + K_O^q` over the halves, q the [`EXPONENT`]; `None` if one is flipped.
 fn soft_maximum(halves: &[Half], step: Vec3) -> Option<SoftMaximum> {
     let mut logs = Vec::with_capacity(2 * halves.len());
-    for Half { jacobian, gradient } in halves {
-        let of_half = of_jacobian(&svd(&(jacobian + step * gradient.transpose())))?;
-        logs.extend(of_half.map(|(log, derivative)| (log, derivative * gradient)));
+    for group in halves.chunks(LANES) {
+        // The last group is filled up with its last half.
+        let of_lane = |lane: usize| &group[lane.min(group.len() - 1)];
+        let moved = |lane| of_lane(lane).jacobian + step * of_lane(lane).gradient.transpose();
+        let decompositions = svds(&std::array::from_fn::<_, LANES, _>(moved));
+        for (half, decomposition) in group.iter().zip(&decompositions) {
+            let of_half = of_jacobian(decomposition)?;
+            logs.extend(of_half.map(|(log, derivative)| (log, derivative * half.gradient)));
+        }
     }
     let largest = logs.iter().map(|log| log.0).fold(f64::NEG_INFINITY, f64::max);
     let (mut sum, mut gradient, mut squares) = (0.0, Vec3::zeros(), Mat3::zeros());
