@@ -1,7 +1,22 @@
 //! The domain of a map: a mesh that is a topological ball, with its reference operators.
 
+use crate::linalg::interval::{Interval, cross, difference, dot, exact_vector};
 pub use crate::mesh::edge_matrix;
 use crate::mesh::{Boundary, Mat3, TetId, TetMesh, TopologyError, Unit, Vec3, VertexId};
+
+/// The factor R = I + (p-1) u n^T of an element, by the exact positions of vertices: n is normal to the plane of the base, u along the way
+/// from the apex to a corner of the element, and n.u = 1.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Shear {
+    /// The apex.
+    pub apex: VertexId,
+    /// Three vertices of the base's plane.
+    pub base: [VertexId; 3],
+    /// p > 0.
+    pub exponent: f64,
+    /// The corner.
+    pub at: VertexId,
+}
 
 /// A tetrahedral mesh of a topological ball with what every stage needs of it; images are positions on its connectivity.
 #[derive(Clone, Debug)]
@@ -12,6 +27,8 @@ pub struct Domain {
     volumes: Vec<f64>,
     /// What each tet's Jacobian is multiplied by from the left; empty for nothing.
     afterwards: Vec<Mat3>,
+    /// What each tet's reference matrix is that of the mesh times; empty for nothing.
+    shears: Vec<Option<Shear>>,
 }
 
 impl Domain {
@@ -44,7 +61,7 @@ impl Domain {
                 (edges.try_inverse().unwrap_or_else(|| Mat3::from_element(f64::INFINITY)), determinant / 6.0)
             })
             .unzip();
-        Self { mesh, boundary, inverse_edges, volumes, afterwards: Vec::new() }
+        Self { mesh, boundary, inverse_edges, volumes, afterwards: Vec::new(), shears: Vec::new() }
     }
 
     /// The domain with each tet once for each of its `factors` R, its reference matrix multiplied by R, and as it is if it has
@@ -70,6 +87,7 @@ impl Domain {
             inverse_edges: inverse_edges.collect(),
             volumes: owners.iter().map(volume).collect(),
             afterwards: Vec::new(),
+            shears: Vec::new(),
         };
         (domain, owners)
     }
@@ -97,6 +115,7 @@ impl Domain {
             inverse_edges: tets.iter().map(|tet| self.inverse_edges[tet.index()]).collect(),
             volumes: tets.iter().map(|tet| self.volumes[tet.index()]).collect(),
             afterwards: tets.iter().filter_map(|tet| self.afterwards.get(tet.index()).copied()).collect(),
+            shears: tets.iter().filter_map(|tet| self.shears.get(tet.index()).copied()).collect(),
         }
     }
 
@@ -142,6 +161,32 @@ impl Domain {
     /// The matrix that the Jacobian of a tet was multiplied by from the left, if any was.
     pub(crate) fn afterwards(&self, tet: TetId) -> Option<&Mat3> {
         self.afterwards.get(tet.index())
+    }
+
+    /// The same with the factors of its elements by exact positions, for [`Domain::enclosed_corners`].
+    pub(crate) fn with_shears(self, shears: Vec<Option<Shear>>) -> Self {
+        Self { shears, ..self }
+    }
+
+    /// Four points, in intervals, of which the map of a tet to the images of its corners is the linear one: the corners; of an element with
+    /// the factor R what R^-1 = I - (1 - 1/p) u n^T makes of them, relative to the apex, by the Sherman-Morrison formula. They are unbounded if
+    /// the corner of u may lie in the plane of the apex.
+    pub(crate) fn enclosed_corners(&self, tet: TetId) -> [[Interval; 3]; 4] {
+        let corners = self.mesh.corners(tet);
+        let Some(Shear { apex, base, exponent, at }) = self.shears.get(tet.index()).copied().flatten() else {
+            return corners.map(|x| exact_vector(&x));
+        };
+        let [v, a, b, c, x] = [apex, base[0], base[1], base[2], at].map(|v| &self.mesh.points()[v.index()]);
+        let (normal, way) = (cross(difference(b, a), difference(c, a)), difference(x, v));
+        let inverse = Interval::exactly(exponent).reciprocal();
+        let Some((inverse, over)) = inverse.zip(dot(normal, way).reciprocal()) else {
+            return [[Interval::WHOLE; 3]; 4];
+        };
+        corners.map(|x| {
+            let offset = difference(&x, v);
+            let share = (Interval::ONE - inverse) * over * dot(normal, offset);
+            [0, 1, 2].map(|i| offset[i] - share * way[i])
+        })
     }
 
     /// The tets all of whose vertices lie on the boundary: with a fixed boundary nothing can change their dilatation.

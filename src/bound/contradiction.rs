@@ -43,7 +43,7 @@ pub fn confront(
     let proved_below = |bound: &LowerBound| {
         (0..domain.mesh().tets().len() as u32).map(TetId).all(|tet| {
             let images = domain.mesh().tets()[tet.index()].map(|v| image[v.index()]);
-            check::linear::is_below(domain.mesh().corners(tet), images, bound.kind, bound.value)
+            check::linear::is_below(domain.enclosed_corners(tet), images, bound.kind, bound.value)
         })
     };
     let measured_below = |bound: &LowerBound| match bound.kind {

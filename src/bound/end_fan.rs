@@ -9,7 +9,7 @@ use super::check::linear::stretch_ratio;
 use super::check::{accepted, three_halves_power};
 use super::{BoundName, BoundaryImage, Kind, LowerBound, Place};
 use crate::domain::Domain;
-use crate::linalg::interval::Interval;
+use crate::linalg::interval::{Interval, exact_vector};
 use crate::linalg::svd;
 use crate::mesh::angle::Angle;
 use crate::mesh::{BoundaryEdge, BoundaryEdges, Mat3, TetId, Vec3};
@@ -247,7 +247,7 @@ impl EndTet {
     /// From half-spaces at the extreme position and beside it, three whose combination has neither a part along the edge nor
     /// a constant, those of the best angle; and as much of the volume's as makes up for rounding.
     fn witness(&self, k: f64, sense: Sense) -> Option<(Tet, Vec<Term>)> {
-        let tet = Tet::in_order(self.corners, self.image)?;
+        let tet = Tet::in_order(self.corners.each_ref().map(exact_vector), self.image)?;
         let parts = |terms: &[Term]| {
             let found = confinement(&tet, k, terms)?;
             Some([found.constant, found.along, found.across, found.normal].map(Interval::middle))

@@ -341,7 +341,12 @@ fn the_dilatation_of_a_locked_tet_is_not_exceeded_in_exact_arithmetic() {
     ] {
         let image = corners.map(|p| map * p);
         let right = svd(&map).right;
-        let value = linear::locked(corners, image, [0, 2].map(|i| right.column(i).into_owned())).unwrap();
+        let value = linear::locked(
+            corners.each_ref().map(crate::linalg::interval::exact_vector),
+            image,
+            [0, 2].map(|i| right.column(i).into_owned()),
+        )
+        .unwrap();
         let a = jacobian(&corners.each_ref().map(point), &image.each_ref().map(point));
         let (d, l) = (determinant(&a), exact(value));
         // K_O >= |A v|^3 / (|v|^3 d) and K_I >= |cof A w|^3 / (|w|^3 d^2), both squared.

@@ -17,7 +17,7 @@ pub fn locked(domain: &Domain, image: &[Vec3]) -> Option<LowerBound> {
         let right = jacobian.iter().all(|x| x.is_finite()).then(|| crate::linalg::svd(&jacobian).right)?;
         let images = domain.mesh().tets()[tet.index()].map(|v| image[v.index()]);
         let vectors = [0, 2].map(|i| right.column(i).into_owned());
-        Some((check::linear::locked(domain.mesh().corners(tet), images, vectors)?.max(1.0), tet))
+        Some((check::linear::locked(domain.enclosed_corners(tet), images, vectors)?.max(1.0), tet))
     });
     let (value, tet) = strongest(values)?;
     let corners = domain.mesh().tets()[tet.index()];

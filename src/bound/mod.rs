@@ -37,6 +37,7 @@ mod trace;
 mod trace_smooth;
 mod vertex;
 mod vertex_smooth;
+mod warped;
 mod wedge;
 
 #[cfg(test)]
@@ -58,8 +59,9 @@ pub use locked::locked;
 pub use name::{BoundName, Source};
 pub use trace::trace;
 pub use trace_smooth::trace_smooth;
-pub use vertex::vertex;
+pub use vertex::{vertex, vertex_with_powers};
 pub use vertex_smooth::vertex_smooth;
+pub use warped::{gram_with_corners, with_corners};
 pub use wedge::wedge;
 
 use crate::cancel::Cancel;

@@ -3,9 +3,10 @@
 use nalgebra::{Matrix4, Vector4};
 
 use super::Kind;
-use super::check::accepted;
 use super::check::free_vertex::{Limit, Term, Tet, excluded};
+use super::check::{Point, accepted};
 use crate::domain::Domain;
+use crate::linalg::interval::Interval;
 use crate::linalg::{QuadraticProgram, svd};
 use crate::mesh::{Mat3, TetId, Vec3, VertexId, edge_matrix};
 
@@ -35,7 +36,7 @@ pub(super) struct FreeVertex {
 
 struct FixedFace {
     /// The tet's corners in the domain, the positions of the fixed ones in the image, and which is free.
-    corners: [Vec3; 4],
+    corners: [Point; 4],
     image: [Vec3; 4],
     free: usize,
     /// The factor by which A is larger here than between these positions.
@@ -131,7 +132,7 @@ impl FreeVertex {
                 let ids = corners(tet);
                 let free = ids.iter().position(|&v| v == vertex)?;
                 let image = ids.map(|v| if v == vertex { origin } else { image[v.index()] });
-                FixedFace::of(domain.mesh().corners(tet), image, free, origin, size)
+                FixedFace::of(domain.enclosed_corners(tet), image, free, origin, size)
             })
             .collect();
         if tets.is_empty() {
@@ -288,11 +289,12 @@ fn largest_ratio(kind: Kind, kappa: f64) -> f64 {
 }
 
 impl FixedFace {
-    fn of(corners: [Vec3; 4], image: [Vec3; 4], free: usize, origin: Vec3, size: f64) -> Option<Self> {
+    fn of(corners: [Point; 4], image: [Vec3; 4], free: usize, origin: Vec3, size: f64) -> Option<Self> {
         let face = crate::mesh::TetMesh::FACES[free];
         // Even permutations only, so that determinants keep their signs.
         let order = [free, face[0], face[1], face[2]];
-        let (x, y) = (order.map(|i| corners[i]), order.map(|i| (image[i] - origin) / size));
+        let (x, y) =
+            (order.map(|i| Vec3::from(corners[i].map(Interval::middle))), order.map(|i| (image[i] - origin) / size));
         let edges = edge_matrix(x);
         let inverse = edges.try_inverse()?;
         let condition = edges.norm() * inverse.norm();

@@ -4,6 +4,7 @@ use super::boundary_image::half_turns;
 use super::check::factor;
 use super::{BoundName, BoundaryImage, Kind, LowerBound, Place, strongest};
 use crate::domain::Domain;
+use crate::linalg::interval::Interval;
 use crate::mesh::angle::{Angle, tet_solid_angle};
 use crate::mesh::{BoundaryEdges, VertexId};
 
@@ -24,7 +25,29 @@ use crate::mesh::{BoundaryEdges, VertexId};
 /// Checked by `check::factor`. Vertices with a degenerate or folded image triangle, or where the boundary
 /// is not a manifold, bound nothing.
 pub fn vertex(domain: &Domain, edges: &BoundaryEdges, image: BoundaryImage) -> Vec<LowerBound> {
-    let stars = stars(domain, edges, image);
+    vertex_with_powers(domain, edges, image, &[])
+}
+
+/// The same for maps like r^p at some vertices, with their exponents p > 0 ([`crate::map::corner`]): `K_I p^2 >= omega' / omega` and
+/// `K_O >= p^2 omega / omega'` there.
+///
+/// **Proof**. Such a map is at the vertex F = A o w with w homogeneous of degree p and A of degree one. On |x| = 1 let J be the area Jacobian of the map
+/// x -> F / |F| of directions. F being homogeneous of degree p, DF x = p F and `det DF = p |F|^3 J`. Hence
+/// `K_I = det DF |DF^-1|^3 >= p |F|^3 J / (p |F|)^3 = J / p^2` and `K_O = |DF|^3 / det DF >= p^2 / J`; integrate J and 1 / J as above. At
+/// the other vertices of a warped cone the warp has a derivative, linear in each tet, that takes tangent cones to themselves, so that there
+/// all is as without it.
+pub fn vertex_with_powers(
+    domain: &Domain,
+    edges: &BoundaryEdges,
+    image: BoundaryImage,
+    powers: &[(VertexId, f64)],
+) -> Vec<LowerBound> {
+    let mut stars = stars(domain, edges, image);
+    for &(vertex, exponent) in powers {
+        if let Some(star) = &mut stars[vertex.index()] {
+            star.domain = star.domain.times(Interval::exactly(exponent).square());
+        }
+    }
     let bounds: Vec<(Kind, f64, VertexId)> = (0..)
         .map(VertexId)
         .zip(&stars)
@@ -50,7 +73,7 @@ pub fn vertex(domain: &Domain, edges: &BoundaryEdges, image: BoundaryImage) -> V
 
 /// The star of a boundary vertex.
 struct Star {
-    /// omega.
+    /// omega, times p^2.
     domain: Angle,
     /// omega' up to turns.
     principal: Angle,

@@ -47,11 +47,6 @@ pub(super) fn corners(config: &Config, map: &InitialMap) -> Result<CornerChoice,
         let message = "powers at the corners are for maps onto the ball".to_string();
         return Err(Fault::at(&key, message, "remove the key, or use the map \"radial\""));
     }
-    if config.bounds.certify {
-        let message =
-            "the Gram certificate speaks of piecewise-linear maps, which one with powers at the corners is not";
-        return Err(Fault::at(&["bounds", "certify"], message.to_string(), "remove it, or boundary.corners"));
-    }
     Ok(choice)
 }
 

@@ -204,13 +204,16 @@ fn stages(plan: &Plan, tell: &mut dyn FnMut(Event)) -> Result<Finished, RunError
     if plan.certify.is_some() {
         tell(Event::Stage(Stage::Certifying));
     }
-    let search = |limit| certificate::search(domain, &outcome.positions, &cancel.within(limit));
+    // What bounds and their proofs call tets, where corners are powers.
+    let elements = start.corners.as_ref().map(|corners| corners.elements(domain).domain);
+    let tets = elements.as_ref().unwrap_or(domain);
+    let search = |limit| certificate::search(tets, &outcome.positions, &cancel.within(limit));
     let certificate = plan.certify.and_then(search);
     tell(Event::Stage(Stage::Bounding));
     let bounds = bounds(&start, &outcome.positions, certificate.as_ref(), cancel);
     tell(Event::Stage(Stage::Recording));
     let files = format!("{} and the files it names", shown_path(plan.source.path()));
-    confront(&bounds, domain, &outcome.positions, &measured.summary, &files)?;
+    confront(&bounds, tets, &outcome.positions, &measured.summary, &files)?;
     let flipped = measured_initial.summary.flipped;
     let course = Course {
         untangling: UntanglingFigures::of(domain, flipped, &untangled, refinement_splits),

@@ -3,14 +3,14 @@
 use super::ACTIVE;
 use super::start::Start;
 use crate::bound::certificate::{self, Certificate};
-use crate::bound::{self, BoundName, LowerBound, Scope};
+use crate::bound::{self, BoundName, LowerBound};
 use crate::cancel::Cancel;
 use crate::config::ConfigSource;
 use crate::dilatation::lower_bound;
 use crate::domain::Domain;
-use crate::map::{Corners, bijectivity};
+use crate::map::bijectivity;
 use crate::measure::{Bottleneck, Measured, bottleneck};
-use crate::mesh::{Place, Vec3, VertexId, slivers};
+use crate::mesh::{Place, Vec3, slivers};
 use crate::optimize::{KktResidual, StopReason};
 use crate::report::{
     Achieved, BallFigures, BestBound, CornerFigures, DistortionFigures, DomainFigures, Limit, RefinedFigures, Report,
@@ -73,36 +73,18 @@ pub(crate) fn bounds(
     // Where the boundary slid, its values are the radial ones no more.
     let on_boundary = domain.boundary().vertex_mask();
     let stayed = (0..image.len()).all(|v| !on_boundary[v] || image[v] == start.image[v]);
-    let mut bounds = bound::all_until(domain, image, centre, centre.is_some() && stayed, cancel);
-    if let Some(corners) = &start.corners {
-        bounds.retain_mut(|bound| speaks_of_warped(bound, domain, corners));
-    }
-    bounds.extend(certificate.and_then(|found| certificate::bound(found, domain, image).ok()));
-    bounds
-}
-
-/// Whether a bound holds for maps whose corners are warped, which are not piecewise linear; words its scope accordingly.
-///
-/// A bound for all quasi-conformal maps does. Of those for maps of the mesh, the ones by the dihedral angles at one edge do, if that
-/// edge is in no warped cone or on a line through the corner: a warp takes each half-plane through the corner to itself, so
-/// that near an inner point of such an edge the angles are those of the piecewise-linear map.
-fn speaks_of_warped(bound: &mut LowerBound, domain: &Domain, corners: &Corners) -> bool {
-    if bound.scope != Scope::MeshFixedBoundary {
-        return bound.scope == Scope::Shape;
-    }
-    let Some(Place::Edge { vertices, .. }) = &bound.place else { return false };
-    let ends = vertices.map(VertexId);
-    let at = |v: VertexId| domain.mesh().points()[v.index()];
-    let radial = |corner: VertexId| {
-        let [a, b] = ends.map(|v| at(v) - at(corner));
-        ends.contains(&corner) || a.cross(&b).norm() <= 1e-9 * a.norm() * b.norm()
+    let (mut bounds, proved) = match start.corners.as_ref().map(|corners| (corners, corners.elements(domain))) {
+        None => {
+            let bounds = bound::all_until(domain, image, centre, centre.is_some() && stayed, cancel);
+            (bounds, certificate.map(|found| certificate::bound(found, domain, image)))
+        }
+        Some((corners, elements)) => {
+            let bounds = bound::with_corners(domain, corners, &elements, image, cancel);
+            (bounds, certificate.map(|found| bound::gram_with_corners(found, &elements, image)))
+        }
     };
-    let around =
-        domain.mesh().tets().iter().zip(corners.of_tets()).filter(|(tet, _)| ends.iter().all(|v| tet.contains(v)));
-    let mut cones = around.filter_map(|(_, cone)| cone.map(|cone| corners.cones()[cone as usize].corner));
-    let holds = matches!(bound.name, BoundName::EdgeRatio | BoundName::Fan) && cones.all(radial);
-    bound.reason = "any map of this mesh with these boundary positions, PL but for powers at the corners".into();
-    holds
+    bounds.extend(proved.and_then(Result::ok));
+    bounds
 }
 
 /// The record of a run that went from `start` to `image`; `before` and `after` are the two maps, measured.

@@ -41,6 +41,11 @@ impl Angle {
         self.0
     }
 
+    /// The angle times a number.
+    pub(crate) fn times(self, factor: Interval) -> Self {
+        Self(self.0 * factor)
+    }
+
     /// The angle with `multiple * pi` added.
     pub fn plus_half_turns(self, multiple: i64) -> Self {
         Self(self.0 + Interval::exactly(multiple as f64) * Interval::PI)

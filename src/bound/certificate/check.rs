@@ -89,7 +89,7 @@ impl<'a> Checker<'a> {
         let mesh = domain.mesh();
         let gradients = tets
             .iter()
-            .map(|&tet| gradients(mesh.corners(tet)).ok_or(Rejection::Degenerate { tet: tet.0 }))
+            .map(|&tet| gradients(domain.enclosed_corners(tet)).ok_or(Rejection::Degenerate { tet: tet.0 }))
             .collect::<Result<_, _>>()?;
         let vertices = tets.iter().flat_map(|tet| mesh.tets()[tet.index()]);
         let mut free: Vec<VertexId> =

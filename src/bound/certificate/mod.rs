@@ -99,7 +99,7 @@ pub const DEFAULT_TIME_LIMIT: Duration = Duration::from_secs(60);
 pub struct Certificate {
     /// k, at least 1: what is proved is K > k.
     pub level: f64,
-    /// Tets of the domain, counted from 0, ascending.
+    /// Tets of the domain, counted from 0, ascending; elements, where corners are like powers ([`crate::map::Corners::elements`]).
     pub tets: Vec<u32>,
     /// The factor of S, the multiplier of `tau I <= G`.
     pub lower: Vec<[f64; 6]>,

@@ -1,6 +1,6 @@
 //! Tets with three fixed vertices and one free one (docs of [`crate::bound::apex()`]).
 
-use super::gradients;
+use super::{Point, between, gradients};
 use crate::bound::Kind;
 use crate::linalg::interval::{Interval, cross, difference, dot, exact_vector, norm_squared};
 use crate::mesh::{TetMesh, Vec3};
@@ -57,16 +57,16 @@ fn largest_ratio(kind: Kind, k: Interval) -> Interval {
 
 impl Tet {
     /// A tet with corner `free` free; the image of that corner is not read. Nothing if intervals cannot tell the volume from zero.
-    pub(in crate::bound) fn of(corners: [Vec3; 4], image: [Vec3; 4], free: usize) -> Option<Self> {
+    pub(in crate::bound) fn of(corners: [Point; 4], image: [Vec3; 4], free: usize) -> Option<Self> {
         let [p, q, r] = TetMesh::FACES[free];
         Self::in_order([p, q, r, free].map(|i| corners[i]), [p, q, r].map(|i| image[i]))
     }
 
     /// A tet, its free corner last, and the images of the others.
-    pub(in crate::bound) fn in_order(corners: [Vec3; 4], fixed: [Vec3; 3]) -> Option<Self> {
+    pub(in crate::bound) fn in_order(corners: [Point; 4], fixed: [Vec3; 3]) -> Option<Self> {
         let [_, g1, g2, g3] = gradients(corners)?;
         let squares = [(0, 1), (1, 2), (2, 0)].map(|(i, j)| {
-            norm_squared(difference(&fixed[i], &fixed[j])) / norm_squared(difference(&corners[i], &corners[j]))
+            norm_squared(difference(&fixed[i], &fixed[j])) / norm_squared(between(corners[i], corners[j]))
         });
         let by = |chosen: fn(f64, f64) -> f64| {
             let ends = |end: fn(&Interval) -> f64| squares.iter().map(end).reduce(chosen).unwrap_or(f64::NAN);
@@ -77,7 +77,7 @@ impl Tet {
             edges: [1, 2].map(|i| difference(&fixed[i], &fixed[0])),
             fixed,
             stretches: [by(f64::min), by(f64::max)],
-            distances: [0, 1, 2].map(|i| norm_squared(difference(&corners[3], &corners[i]))),
+            distances: [0, 1, 2].map(|i| norm_squared(between(corners[3], corners[i]))),
         })
     }
 

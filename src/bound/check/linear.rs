@@ -1,6 +1,6 @@
 //! Maps of tets and triangles with all vertices fixed.
 
-use super::gradients;
+use super::{Point, gradients};
 use crate::bound::Kind;
 use crate::linalg::interval::{Interval, cross, difference, dot, exact_vector, norm_squared};
 use crate::mesh::Vec3;
@@ -11,7 +11,7 @@ use crate::mesh::Vec3;
 ///
 /// `K_O = s1^3 / d >= |A v|^3 / (|v|^3 d)` and, the largest singular value of cof A being s1 s2,
 /// `K_I = (s1 s2)^3 / d^2 >= |cof A w|^3 / (|w|^3 d^2)`, with d = det A, for any v and w.
-pub(in crate::bound) fn locked(corners: [Vec3; 4], image: [Vec3; 4], [v, w]: [Vec3; 2]) -> Option<f64> {
+pub(in crate::bound) fn locked(corners: [Point; 4], image: [Vec3; 4], [v, w]: [Vec3; 2]) -> Option<f64> {
     let g = gradients(corners)?;
     let edges = [1, 2, 3].map(|i| difference(&image[i], &image[0]));
     let determinant = dot(edges[0], cross(edges[1], edges[2])) * dot(g[1], cross(g[2], g[3]));
@@ -40,7 +40,7 @@ pub(in crate::bound) fn locked(corners: [Vec3; 4], image: [Vec3; 4], [v, w]: [Ve
 ///
 /// `K_O = s1^3 / d < k` if `(k d)^(2/3) I - A^T A` is positive definite, and `K_I = |cof A|^3 / d^2 < k` if
 /// `k^(2/3) d^(4/3) I - (cof A)^T cof A` is; that is, if their leading minors are positive.
-pub(in crate::bound) fn is_below(corners: [Vec3; 4], image: [Vec3; 4], kind: Kind, level: f64) -> bool {
+pub(in crate::bound) fn is_below(corners: [Point; 4], image: [Vec3; 4], kind: Kind, level: f64) -> bool {
     let Some(g) = gradients(corners) else { return false };
     let edges = [1, 2, 3].map(|i| difference(&image[i], &image[0]));
     let determinant = dot(edges[0], cross(edges[1], edges[2])) * dot(g[1], cross(g[2], g[3]));
@@ -147,6 +147,7 @@ mod tests {
             // The image's rounding: eps times the condition of both, below 1e5.
             let k = Dilatation::of(&a).k();
             let vectors = [0, 2].map(|i| decomposition.right.column(i).into_owned());
+            let corners = corners.each_ref().map(exact_vector);
             let found = locked(corners, image, vectors).unwrap();
             prop_assert!(found <= k * (1.0 + 1e-9) && found >= k * (1.0 - 1e-9), "{found} {k}");
             prop_assert!(locked(corners, image, [Vec3::from(wrong); 2]).is_none_or(|found| found <= k * (1.0 + 1e-9)));

@@ -24,8 +24,7 @@ pub(super) mod fan;
 pub(super) mod free_vertex;
 pub(super) mod linear;
 
-use crate::linalg::interval::{Interval, cross, difference, dot};
-use crate::mesh::Vec3;
+use crate::linalg::interval::{Interval, cross, dot};
 use crate::mesh::angle::Angle;
 
 /// The least factor between two angles that are not 0: `max(image / domain, domain / image) >= 1`, rounded down.
@@ -40,10 +39,18 @@ pub(super) fn three_halves_power(h: f64) -> f64 {
     (h * h.sqrt()).lower.max(1.0)
 }
 
+/// A point known to lie in intervals.
+pub(super) type Point = [Interval; 3];
+
+/// The difference of two such points.
+pub(super) fn between(a: Point, b: Point) -> Point {
+    [0, 1, 2].map(|i| a[i] - b[i])
+}
+
 /// The gradients of the barycentric coordinates of a tet of either orientation; nothing if intervals cannot tell its volume from
 /// zero.
-pub(super) fn gradients([x0, x1, x2, x3]: [Vec3; 4]) -> Option<[[Interval; 3]; 4]> {
-    let [a, b, c] = [x1, x2, x3].map(|x| difference(&x, &x0));
+pub(super) fn gradients([x0, x1, x2, x3]: [Point; 4]) -> Option<[Point; 4]> {
+    let [a, b, c] = [x1, x2, x3].map(|x| between(x, x0));
     let normals = [cross(b, c), cross(c, a), cross(a, b)];
     let inverse = dot(a, normals[0]).reciprocal()?;
     let [g1, g2, g3] = normals.map(|normal| normal.map(|entry| entry * inverse));

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 
 use super::Warp;
-use crate::domain::Domain;
+use crate::domain::{Domain, Shear};
 use crate::mesh::{Mat3, TetId, TetMesh, VertexId};
 
 /// How far, in units of t (0 at the corner, 1 on the base), the cones of a corner may disagree at a common vertex, or a
@@ -218,8 +218,20 @@ impl Corners {
 
     /// The ordinary tets that the warped ones are to whoever minimizes or bounds K.
     pub fn elements(&self, domain: &Domain) -> Elements {
-        let (domain, owners) = domain.with_factors(|tet| self.factors(domain, tet));
-        Elements { domain, owners }
+        let (elements, owners) = domain.with_factors(|tet| self.factors(domain, tet));
+        // How many elements of each tet came before.
+        let mut seen = vec![0; domain.mesh().tets().len()];
+        let shears = owners.iter().map(|&tet| {
+            let &Cone { corner, base, exponent } = self.warped_cone(tet)?;
+            seen[tet.index()] += 1;
+            // As `factors` takes them.
+            let apex = domain.mesh().points()[corner.index()];
+            let corners = domain.mesh().tets()[tet.index()].into_iter();
+            let at = { corners }.filter(|v| domain.mesh().points()[v.index()] != apex).nth(seen[tet.index()] - 1)?;
+            Some(Shear { apex: corner, base, exponent, at })
+        });
+        let shears = shears.collect();
+        Elements { domain: elements.with_shears(shears), owners }
     }
 
     fn check(&self, domain: &Domain) -> Result<(), CornerError> {
