@@ -79,6 +79,9 @@ fn a_power_at_the_corners_of_a_cube_lowers_k_and_every_file_has_it() {
     for (x, row) in rows("x.csv").iter().zip(rows("back.csv")) {
         assert!(x.iter().zip(&row[5..]).all(|(a, b)| (a - b).abs() < 1e-10), "{x:?} {row:?}");
     }
+    // Two meshes alone have no powers, which is told.
+    let (code, out, err) = qcball(folder.path(), &["measure", "power/domain.vtu", "power/image.vtu"]);
+    assert!(code == 0 && out.contains("1152 tets") && err.contains("has powers at corners"), "{out}{err}");
     // As a piecewise-linear map, finer towards the corners, that other programs read.
     let (code, said, err) = qcball(folder.path(), &["evaluate", "power", "linear-power", "--refine", "6"]);
     assert_eq!((code, err.as_str()), (0, ""));

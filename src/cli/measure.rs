@@ -1,6 +1,6 @@
 //! `qcball measure REST IMAGE` and `qcball bounds REST IMAGE`: what can be said of any map that two mesh files give.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::Args;
@@ -18,7 +18,7 @@ use crate::experiment::{GivenMap, RunError};
 use crate::measure::{BallDilatation, Summary, measure_onto_ball};
 use crate::mesh::io::shown_path;
 use crate::report::{
-    BallFigures, BestBound, Limit, ball_lines, best_and_limit, bounds_list, dilatations, to_json, write_certificate,
+    BallFigures, BestBound, CORNERS, Limit, ball_lines, best_and_limit, bounds_list, dilatations, to_json, write_certificate,
 };
 
 /// The map, and whether to estimate as well.
@@ -119,9 +119,21 @@ impl Estimated {
     }
 }
 
+/// Tells of corners that the meshes by themselves do not have.
+fn note_powers(rest: &Path) {
+    if rest.with_file_name(CORNERS).is_file() {
+        note(&format!(
+            "{} has powers at corners, by the {CORNERS} beside it: these figures are of the piecewise-linear map without them; \
+             those with them are in the report, and `qcball verify` measures them anew",
+            shown_path(rest)
+        ));
+    }
+}
+
 /// `qcball measure`.
 pub(super) fn measure_map(arguments: &MeasureArguments) -> Result<Ending, Failure> {
     let map = read_map(&arguments.map.rest, &arguments.map.image)?;
+    note_powers(&arguments.map.rest);
     let estimated = arguments.estimator.map(|estimator| Estimated::of(&map, estimator, arguments.weights));
     let GivenMap { domain, image, .. } = map;
     let measured = measure_onto_ball(&domain, &image);
@@ -162,6 +174,7 @@ pub(super) fn bound_map(arguments: &BoundArguments) -> Result<Ending, Failure> {
         refuse_to_write_over([rest, image], [path])?;
     }
     let GivenMap { domain, image, units: [unit, _], .. } = read_map(rest, image)?;
+    note_powers(rest);
     let cancel = cancel_on_signal();
     let summary = measure_onto_ball(&domain, &image).summary;
     let max_k = summary.max_k;
@@ -185,7 +198,7 @@ pub(super) fn bound_map(arguments: &BoundArguments) -> Result<Ending, Failure> {
     confront(&bounds, &domain, &image, &summary, &files).map_err(RunError::from)?;
     bounds.iter_mut().for_each(|bound| bound.place = bound.place.take().map(|place| unit.give_back_place(place)));
     let best = BestBound::of(&bounds, max_k);
-    let limit = Limit::of(max_k, &bounds, None);
+    let limit = Limit::of(max_k, &bounds, None, false);
     let ball = BallFigures::of(&domain, &image, &bounds, &summary);
     if *json {
         print(&to_json(&BoundFigures { bounds, best, ball, limit, max_k, ball_k: summary.ball_k }))?;

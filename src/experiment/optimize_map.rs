@@ -201,7 +201,7 @@ pub fn optimize_map(
         tets: domain.mesh().tets().len(),
         locked: domain.mesh().tets().iter().filter(|tet| tet.iter().all(|v| held(v.index()))).count(),
         fixed: (0..fixed.len()).filter(|&v| held(v)).count(),
-        achieved: course.achieved(splits, (&before, &after), bounds, ball),
+        achieved: course.achieved(splits, (&before, &after), bounds, ball, slides),
     };
     let positions = of_image.give_back_points(&outcome.positions);
     Ok(OptimizedMap { report, domain, unit, positions, trace: outcome.trace })

@@ -35,13 +35,14 @@ pub(crate) struct Course {
 }
 
 impl Course {
-    /// What was achieved on this course; `bounds` of which the places are given back already.
+    /// What was achieved on this course; `bounds` of which the places are given back already; whether the boundary slid.
     pub fn achieved(
         self,
         splits: Option<Splits>,
         (before, after): (&Measured, &Measured),
         bounds: Vec<LowerBound>,
         ball: BallFigures,
+        slid: bool,
     ) -> Achieved {
         Achieved {
             splits,
@@ -51,7 +52,7 @@ impl Course {
             last: after.summary.clone(),
             active: after.active(ACTIVE).len(),
             best: BestBound::of(&bounds, after.summary.max_k),
-            limit: Limit::of(after.summary.max_k, &bounds, Some((self.stop, self.kkt))),
+            limit: Limit::of(after.summary.max_k, &bounds, Some((self.stop, self.kkt)), slid),
             ball,
             bounds,
             stop: self.stop,
@@ -71,8 +72,7 @@ pub(crate) fn bounds(
 ) -> Vec<LowerBound> {
     let (domain, centre) = (&start.domain, start.centre.map(|centre| centre.position));
     // Where the boundary slid, its values are the radial ones no more.
-    let on_boundary = domain.boundary().vertex_mask();
-    let stayed = (0..image.len()).all(|v| !on_boundary[v] || image[v] == start.image[v]);
+    let stayed = boundary_stayed(start, image);
     let (mut bounds, proved) = match start.corners.as_ref().map(|corners| (corners, corners.elements(domain))) {
         None => {
             let bounds = bound::all_until(domain, image, centre, centre.is_some() && stayed, cancel);
@@ -85,6 +85,11 @@ pub(crate) fn bounds(
     };
     bounds.extend(proved.and_then(Result::ok));
     bounds
+}
+
+fn boundary_stayed(start: &Start, image: &[Vec3]) -> bool {
+    let on_boundary = start.domain.boundary().vertex_mask();
+    (0..image.len()).all(|v| !on_boundary[v] || image[v] == start.image[v])
 }
 
 /// The record of a run that went from `start` to `image`; `before` and `after` are the two maps, measured.
@@ -125,7 +130,7 @@ pub(crate) fn record(
         trace_hash,
         warnings,
         config_text: heading.source.text().to_string(),
-        achieved: course.achieved(start.splits, (before, after), bounds, ball),
+        achieved: course.achieved(start.splits, (before, after), bounds, ball, !boundary_stayed(start, image)),
     }
 }
 

@@ -43,8 +43,14 @@ pub struct Limit {
 }
 
 impl Limit {
-    /// Judges a map whose largest K is `max_k` by its bounds and, if it was optimized, by how that ended.
-    pub fn of(max_k: f64, bounds: &[LowerBound], ending: Option<(StopReason, Option<KktResidual>)>) -> Self {
+    /// Judges a map whose largest K is `max_k` by its bounds and, if it was optimized, by how that ended and whether its boundary slid:
+    /// the bounds then speak of where it slid to, and of no other map onto the sphere.
+    pub fn of(
+        max_k: f64,
+        bounds: &[LowerBound],
+        ending: Option<(StopReason, Option<KktResidual>)>,
+        slid: bool,
+    ) -> Self {
         let say = |by, sentence: String| Self { by, sentence };
         if !max_k.is_finite() {
             return say(
@@ -63,14 +69,19 @@ impl Limit {
             Some(place) => format!("the bound \"{}\" at {}", best.name, place_in_words(place)),
             None => format!("the bound \"{}\"", best.name),
         };
-        let maps = "map of this mesh with this boundary";
+        let (optimal, values, maps) = if slid {
+            let maps = "map of this mesh with the boundary values that it slid to";
+            ("the map is proved optimal for its boundary values", "the values that the boundary slid to limit", maps)
+        } else {
+            ("the map is proved globally optimal", "the boundary values limit", "map of this mesh with this boundary")
+        };
         if gap <= 1.0 + OPTIMAL {
-            let sentence = format!("the map is proved globally optimal: by {source} no {maps} has a smaller largest K");
+            let sentence = format!("{optimal}: by {source} no {maps} has a smaller largest K");
             return say(LimitedBy::ProvedOptimal, sentence);
         }
         if gap <= 1.0 + NEARLY {
             let sentence = format!(
-                "the map is proved globally optimal up to {} %: by {source} no {maps} has a largest K below {}",
+                "{optimal} up to {} %: by {source} no {maps} has a largest K below {}",
                 rounded_up(100.0 * (1.0 - 1.0 / gap), 4),
                 lower_bound(best.value)
             );
@@ -98,7 +109,7 @@ impl Limit {
                 ),
                 _ => say(
                     LimitedBy::BoundaryValues,
-                    format!("the boundary values limit K: by {source} no {maps} can gain more than {room} %"),
+                    format!("{values} K: by {source} no {maps} can gain more than {room} %"),
                 ),
             };
         }
@@ -206,8 +217,11 @@ mod tests {
             (f64::INFINITY, vec![mesh(4.0)], None, Unknown, "flipped"),
         ];
         for (max_k, bounds, ending, by, words) in cases {
-            let limit = Limit::of(max_k, &bounds, ending);
+            let limit = Limit::of(max_k, &bounds, ending, false);
             assert!(limit.by == by && limit.sentence.contains(words), "{max_k}: {limit:?}");
         }
+        // Another map onto the sphere is not spoken of.
+        let limit = Limit::of(4.0, &[mesh(4.0)], settled, true);
+        assert!(limit.by == ProvedOptimal && limit.sentence.contains("boundary values that it slid to"), "{limit:?}");
     }
 }

@@ -75,7 +75,7 @@ fn write(flip: bool) -> (tempfile::TempDir, Report) {
             last: after.summary.clone(),
             active: 1,
             best: BestBound::of(&bounds, after.summary.max_k),
-            limit: Limit::of(after.summary.max_k, &bounds, None),
+            limit: Limit::of(after.summary.max_k, &bounds, None, false),
             ball: BallFigures::of(&domain, &image, &bounds, &after.summary),
             bounds,
             stop: StopReason::Converged,

@@ -44,8 +44,8 @@ use super::{BallDilatation, attained, of_tet, product};
 use crate::linalg::interval::{Interval, exact_vector};
 use crate::mesh::{Mat3, Vec3, edge_matrix};
 
-/// Most simplices of one tet.
-const MOST: usize = 3000;
+/// Most simplices of one tet: next to the centre or to a corner, one may reach into dozens of cones.
+const MOST: usize = 60_000;
 /// How far a point may lie outside of the simplices that stand for it, relative, for each unit of cancellation: far more than the rounding
 /// of some 40 halvings and cuts.
 const ROUNDING: f64 = 1e-12;
