@@ -18,7 +18,8 @@ use crate::experiment::{GivenMap, RunError};
 use crate::measure::{BallDilatation, Summary, measure_onto_ball};
 use crate::mesh::io::shown_path;
 use crate::report::{
-    BallFigures, BestBound, CORNERS, Limit, ball_lines, best_and_limit, bounds_list, dilatations, to_json, write_certificate,
+    BallFigures, BestBound, CORNERS, Limit, ball_lines, best_and_limit, bounds_list, dilatations, to_json,
+    write_certificate,
 };
 
 /// The map, and whether to estimate as well.

@@ -39,7 +39,7 @@ const NAMED: &[MeshKind] = &[MeshKind::Tetgen, MeshKind::Gmsh];
 const TETGEN: &[MeshKind] = &[MeshKind::Tetgen];
 
 /// One row a key: its name, whether it was given, and the meshers it belongs to.
-fn keys(table: &MeshTable) -> [(&'static str, bool, &'static [MeshKind]); 16] {
+fn keys(table: &MeshTable) -> [(&'static str, bool, &'static [MeshKind]); 15] {
     [
         ("subdivisions", table.subdivisions.is_some(), SHELL),
         ("edge_length", table.edge_length.is_some(), BY_LENGTH),
@@ -49,7 +49,6 @@ fn keys(table: &MeshTable) -> [(&'static str, bool, &'static [MeshKind]); 16] {
         ("layer_grading", table.layer_grading.is_some(), FLAG),
         ("sectors", table.sectors.is_some(), FLAG),
         ("rings", table.rings.is_some(), FLAG),
-        ("surface_halvings", table.surface_halvings.is_some(), FLAG),
         ("feature_edge_length", table.feature_edge_length.is_some(), EXTERNAL),
         ("feature_growth", table.feature_growth.is_some(), EXTERNAL),
         ("max_volume", table.max_volume.is_some(), EXTERNAL),
@@ -133,7 +132,6 @@ fn flag(table: &MeshTable) -> Result<FlagSettings, Fault> {
         layers: number(table.layers, usual.layers, "layers")?,
         grading,
         layer_grading: positive(table.layer_grading, grading, &["mesh", "layer_grading"])?,
-        surface_halvings: whole(table.surface_halvings, 0, 0..=8, &["mesh", "surface_halvings"])?,
     })
 }
 

@@ -182,10 +182,6 @@ pub struct MeshTable {
     /// Rings around an edge, at least 1 (flag). Default: 4.
     #[schemars(range(min = 1, max = 1000))]
     pub rings: Option<i64>,
-    /// How often the edges of the surface are halved in the end, 0 to 8 (flag): with a finer surface K onto the ball is nearer to K.
-    /// Default: 0.
-    #[schemars(range(min = 0, max = 8))]
-    pub surface_halvings: Option<i64>,
     /// The edge length aimed at along sharp edges and at corners, > 0 and at most `edge_length` (tetgen, gmsh). An edge is
     /// sharp if its faces turn by more than 20 degrees. Default: `edge_length`.
     #[schemars(extend("exclusiveMinimum" = 0))]

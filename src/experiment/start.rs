@@ -6,6 +6,7 @@ use super::corners::{Flags, corners};
 use super::error::{Fault, RunError};
 use super::mesher::{grazed, instead_of_shells, is_grazed, mesh_of_any_solid, more_cells};
 use super::splits::{between_corners, freed};
+use super::warped::chamber;
 use crate::cancel::Cancel;
 use crate::config::{DomainSource, InitialMap, MeshPlan, Plan};
 use crate::dilatation::number;
@@ -49,6 +50,8 @@ pub(crate) struct Start {
     pub flags: Option<Flags>,
     /// The corners of a map that is not piecewise linear there.
     pub corners: Option<Corners>,
+    /// Whether its maps are to commute with the mirror planes of the domain.
+    pub symmetric: bool,
     pub warnings: Vec<String>,
 }
 
@@ -64,14 +67,17 @@ impl Start {
     /// The cones of the corners, if the plan warps them.
     fn with_corners(self, plan: &Plan) -> Result<Self, RunError> {
         let corners = corners(&self.domain, self.flags.as_ref(), plan).map_err(RunError::at(&self.origin))?;
-        Ok(Self { corners, ..self })
+        Ok(Self { corners, symmetric: plan.symmetric, ..self })
     }
 
     /// Measures the map with these images of the vertices, onto the ball too, unless that is cancelled.
     pub fn measure(&self, image: &[Vec3], cancel: &Cancel) -> Measured {
         match &self.corners {
             None => measure_onto_ball_until(&self.domain, image, cancel),
-            Some(corners) => measure_warped_onto_ball(&self.domain, corners, image, cancel),
+            Some(corners) => {
+                let chamber = chamber(self, image);
+                measure_warped_onto_ball(&self.domain, corners, image, chamber.as_deref(), cancel)
+            }
         }
     }
 
@@ -354,6 +360,7 @@ impl Start {
             splits: None,
             flags: None,
             corners: None,
+            symmetric: false,
             warnings: Vec::new(),
         }
     }

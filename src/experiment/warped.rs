@@ -4,7 +4,7 @@ use super::error::Fault;
 use super::start::Start;
 use crate::config::Plan;
 use crate::map::{CornerChoice, Corners};
-use crate::mesh::{BoundaryEdges, Features, Mirrors, Vec3, VertexId};
+use crate::mesh::{BoundaryEdges, Features, Mirrors, TetId, Vec3, VertexId};
 use crate::optimize::{Outcome, StopReason, TraceRow, Untangled, Warped, untangle};
 
 /// The mirror planes of a start's domain, about its star centre, that its image keeps.
@@ -22,6 +22,21 @@ pub(super) fn mirrors(start: &Start) -> Result<Mirrors, Fault> {
     };
     let found = start.centre.as_ref().and_then(|centre| Mirrors::of(mesh, &centre.position, &corners));
     found.filter(kept).ok_or(Fault::NoMirrors)
+}
+
+/// The tets of a chamber, where the maps of a start are to be symmetric and this one is but for rounding.
+pub(super) fn chamber(start: &Start, image: &[Vec3]) -> Option<Vec<TetId>> {
+    /// Of the size: half of what K onto the ball of a chamber allows for.
+    const NEAR: f64 = 5e-13;
+    let centre = start.centre.as_ref().filter(|_| start.symmetric)?.position;
+    let mirrors = mirrors(start).ok()?;
+    let offsets: Vec<Vec3> = start.domain.mesh().points().iter().map(|p| p - centre).collect();
+    let is_symmetric = |positions: &[Vec3]| {
+        let size = positions.iter().map(|p| p.norm()).fold(0.0, f64::max);
+        let again = mirrors.unfolded(&mirrors.folded(positions));
+        again.iter().zip(positions).all(|(a, b)| (a - b).norm() <= NEAR * size)
+    };
+    (is_symmetric(&offsets) && is_symmetric(image)).then(|| mirrors.tets().to_vec())
 }
 
 /// Optimizes the images of the vertices for the exponents that a start's corners have; if they are to be found, for those that a search

@@ -129,15 +129,17 @@ pub fn warped_ball_dilatation(
     corners: Option<&Corners>,
     image: &[Vec3],
 ) -> Result<BallDilatation, NotOntoBall> {
-    let enclosed = enclosed(domain, corners, image, &Cancel::default())?;
+    let enclosed = enclosed(domain, corners, image, None, &Cancel::default())?;
     Ok(enclosed.expect("nobody cancels it"))
 }
 
-/// The same unless it is cancelled from outside, in which case it ends without a result; deadlines are not heeded.
+/// The same unless it is cancelled from outside, in which case it ends without a result; deadlines are not heeded. Of the `part` alone, if
+/// there is one: all other tets and their images are mirror images of its, but for at most [`SNAP`](cones::SNAP) of their distance.
 fn enclosed(
     domain: &Domain,
     corners: Option<&Corners>,
     image: &[Vec3],
+    part: Option<&[TetId]>,
     cancel: &Cancel,
 ) -> Result<Option<BallDilatation>, NotOntoBall> {
     if cancel.is_raised() {
@@ -156,12 +158,19 @@ fn enclosed(
     }
     let rest = |tet: usize| domain.mesh().corners(TetId(tet as u32));
     let map = |tet: usize| TetMap::new(&rest(tet), &positions(tet));
+    // How far vertices of the domain are from those of one that is symmetric to the last bit.
+    let points = domain.mesh().points();
+    let extent = points.iter().map(|p| (p - points[0]).norm()).fold(0.0, f64::max);
+    let moved = if part.is_some() { extent * cones::SNAP } else { 0.0 };
     let warped = |tet: usize| {
         let cone = onto.warped_cone(TetId(tet as u32))?;
         let at = |v: VertexId| &domain.mesh().points()[v.index()];
         let warp = ExactWarp::new(at(cone.corner), cone.base.map(at), cone.exponent);
-        Some(WarpedTet::new([&rest(tet), &positions(tet)], (warp, at(cone.corner)), &onto.cones))
+        Some(WarpedTet::new([&rest(tet), &positions(tet)], (warp, at(cone.corner)), &onto.cones, moved))
     };
+    // The tets that are looked at.
+    let chosen: Vec<usize> =
+        part.map_or_else(|| (0..tets.len()).collect(), |part| part.iter().map(|t| t.index()).collect());
     let cones = &onto.cones;
     // Every direction of a boundary triangle is one of its tet. Of a warped tet points are looked at, since only at these its
     // direction and its own matrix are known together.
@@ -182,7 +191,7 @@ fn enclosed(
             let map = map(owners[index].index());
             attained(map.largest(map.at(&cones.get(index).normal, &corner), 0.0))
         });
-    let of_warped = (0..tets.len() as u32).into_par_iter().map(TetId).filter(|tet| !linear(tet));
+    let of_warped = chosen.par_iter().map(|&tet| TetId(tet as u32)).filter(|tet| !linear(tet));
     let of_warped = of_warped.map(|tet| attained(onto.sampled(tet))).reduce(|| 1.0, f64::max);
     let mut found = BallDilatation { certified: 1.0, sampled: at_boundary.reduce(|| 1.0, f64::max).max(of_warped) };
     // The tets of largest K first: once theirs are known, most of the others are passed over.
@@ -193,7 +202,7 @@ fn enclosed(
     let may_exceed = |tet: usize| !linear(&TetId(tet as u32)) || TetMap::may_exceed(&rest(tet), &positions(tet), low);
     let largest = |tet: usize| warped(tet).map_or_else(|| map(tet).k(), |warped| warped.k());
     let mut order: Vec<(f64, usize)> =
-        (0..tets.len()).into_par_iter().filter(|&tet| may_exceed(tet)).map(|tet| (bound(largest(tet)), tet)).collect();
+        chosen.into_par_iter().filter(|&tet| may_exceed(tet)).map(|tet| (bound(largest(tet)), tet)).collect();
     order.par_sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     let room = if (0..tets.len() as u32).all(|tet| linear(&TetId(tet))) { 1.0 } else { 1.0 + TOLERANCE_WARPED };
     let mut left = POLYGONS.0 + POLYGONS.1 * tets.len();
@@ -237,17 +246,25 @@ pub fn measure_onto_ball(domain: &Domain, image: &[Vec3]) -> Measured {
 /// If `image` has fewer positions than the domain has vertices.
 pub fn measure_onto_ball_until(domain: &Domain, image: &[Vec3], cancel: &Cancel) -> Measured {
     let mut measured = measure(domain, image);
-    measured.summary.ball_k = enclosed(domain, None, image, cancel).ok().flatten();
+    measured.summary.ball_k = enclosed(domain, None, image, None, cancel).ok().flatten();
     measured
 }
 
-/// The same of the map after the warps of corners of the domain, see [`measure_elements`].
+/// The same of the map after the warps of corners of the domain, see [`measure_elements`]. Of a map that commutes with mirror planes of the
+/// domain, K onto the ball is bounded on the tets `chamber` alone, of which all others and their images are mirror images but for rounding
+/// (at most 1e-12 of the size of the domain, of the image): the bound is that of the symmetric map.
 ///
 /// # Panics
 /// If `image` has fewer positions than the domain has vertices.
-pub fn measure_warped_onto_ball(domain: &Domain, corners: &Corners, image: &[Vec3], cancel: &Cancel) -> Measured {
+pub fn measure_warped_onto_ball(
+    domain: &Domain,
+    corners: &Corners,
+    image: &[Vec3],
+    chamber: Option<&[TetId]>,
+    cancel: &Cancel,
+) -> Measured {
     let mut measured = measure_elements(domain, &corners.elements(domain), image);
-    measured.summary.ball_k = enclosed(domain, Some(corners), image, cancel).ok().flatten();
+    measured.summary.ball_k = enclosed(domain, Some(corners), image, chamber, cancel).ok().flatten();
     measured
 }
 

@@ -193,8 +193,7 @@ mod tests {
 
     #[test]
     fn solids_are_made_of_chambers() {
-        let settings =
-            FlagSettings { sectors: 2, rings: 3, layers: 2, grading: 1.5, layer_grading: 1.5, surface_halvings: 1 };
+        let settings = FlagSettings { sectors: 2, rings: 3, layers: 2, grading: 1.5, layer_grading: 1.5 };
         for (solid, planes, order) in [
             (Solid::Tetrahedron, 6, 24),
             (Solid::Cube, 9, 48),

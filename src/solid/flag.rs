@@ -5,13 +5,7 @@
 //! looks the same at every distance from an edge; each of its triangles is then the base of a cone over V that is cut into
 //! layers. Points on a side that two flags share are computed alike from both.
 //!
-//! A finer surface comes last ([`halving`]).
-//!
 //! In a flag the linear function that is 0 at V and 1 on O C E is what a warp of the corner needs (see `map::corner`).
-
-mod halving;
-
-use halving::halved_surface;
 
 use crate::dilatation::Dilatation;
 use crate::mesh::{MeshError, TetMesh, Vec3, VertexId, edge_matrix};
@@ -33,25 +27,20 @@ pub struct FlagSettings {
     /// Ratio of the thickness of a layer to that of the next one nearer to the corner, > 0. A map that is like r^p at the corner
     /// needs no thin ones there, but triangles of the sphere that are small everywhere.
     pub layer_grading: f64,
-    /// How often all edges of the surface are halved in the end, the tets at them with them. The finer the surface, the nearer is its image
-    /// to the sphere everywhere in the cones over its triangles, and the nearer K onto the ball to K: for fewer tets than if all were finer.
-    pub surface_halvings: u32,
 }
 
 impl Default for FlagSettings {
     /// 280 tets a flag: 13,440 for a cube, which has 48. Their smallest dihedral angle is 0.6 degrees on a regular
     /// tetrahedron and 1.4 on a cube: next to an edge they are long.
     fn default() -> Self {
-        Self { sectors: 4, rings: 4, layers: 4, grading: 1.3, layer_grading: 1.3, surface_halvings: 0 }
+        Self { sectors: 4, rings: 4, layers: 4, grading: 1.3, layer_grading: 1.3 }
     }
 }
 
 impl FlagSettings {
-    /// Tets of one flag; with halvings there are some more, those of which only an edge is on the surface.
+    /// Tets of one flag.
     pub fn tets_a_flag(&self) -> usize {
-        let (rings, layers) = (self.rings as usize, self.layers as usize);
-        let more = 4_usize.saturating_pow(self.surface_halvings) - 1;
-        (self.triangles() * (3 * layers - 2)).saturating_add(more.saturating_mul(rings * (2 * layers - 1)))
+        self.triangles() * (3 * self.layers as usize - 2)
     }
 
     /// Triangles of O C E.
@@ -98,7 +87,7 @@ pub struct Flag {
 pub struct FlagMesh {
     /// The tets; vertex 0 is the centre.
     pub mesh: TetMesh,
-    /// The flags. The tets of each stand together, the same number for all, in the order of the flags.
+    /// The flags. The tets of each stand together, [`FlagSettings::tets_a_flag`] of them, in the order of the flags.
     pub flags: Vec<Flag>,
 }
 
@@ -125,7 +114,7 @@ pub fn flag_mesh(surface: &Surface, centre: Vec3, settings: &FlagSettings) -> Re
         }
     }
     let (_, flags) = best.expect("there are three of them");
-    (0..settings.surface_halvings).try_fold(flags, |flags, _| halved_surface(flags))
+    Ok(flags)
 }
 
 /// The largest K of the piecewise-linear map that agrees at the vertices with the radial one about O.
@@ -345,15 +334,7 @@ mod tests {
     /// Checks a mesh of a solid and gives its smallest dihedral angle in degrees.
     fn checked(surface: &Surface, flags: usize, settings: &FlagSettings) -> f64 {
         let FlagMesh { mesh, flags: found } = mesh(surface, settings);
-        let tets_a_flag = mesh.tets().len() / flags;
-        assert_eq!((found.len(), mesh.tets().len() % flags), (flags, 0));
-        let exact = settings.surface_halvings == 0;
-        assert!(tets_a_flag == settings.tets_a_flag() || !exact && tets_a_flag > settings.tets_a_flag());
-        let triangles = crate::mesh::Boundary::of(&mesh).unwrap().triangles().len();
-        assert_eq!(
-            triangles,
-            flags * (settings.rings * (2 * settings.layers - 1) << (2 * settings.surface_halvings)) as usize
-        );
+        assert_eq!((found.len(), mesh.tets().len()), (flags, flags * settings.tets_a_flag()));
         let angle = smallest_dihedral_angle(&mesh);
         let domain = Domain::new(mesh).unwrap();
         let volume: f64 = domain.volumes().iter().sum();
@@ -361,7 +342,7 @@ mod tests {
         assert!((volume - surface.volume()).abs() < 1e-11 * surface.volume(), "{volume}");
         assert!(full_boundary(domain.mesh(), domain.boundary()).parents().is_empty());
         // The tets of a flag fill the tet V O C E.
-        for (flag, tets) in found.iter().zip(domain.volumes().chunks(tets_a_flag)) {
+        for (flag, tets) in found.iter().zip(domain.volumes().chunks(settings.tets_a_flag())) {
             let [v, o, c, e] =
                 [flag.corner, flag.base[0], flag.base[1], flag.base[2]].map(|v| domain.mesh().points()[v.index()]);
             let whole = (o - v).dot(&(c - v).cross(&(e - v))).abs() / 6.0;
@@ -394,10 +375,9 @@ mod tests {
         for (surface, flags) in named.chain([(gem, flags)]) {
             for settings in [
                 FlagSettings::default(),
-                FlagSettings { sectors: 1, rings: 1, layers: 1, grading: 1.0, layer_grading: 1.0, surface_halvings: 0 },
-                FlagSettings { sectors: 3, rings: 1, layers: 2, grading: 0.7, layer_grading: 1.4, surface_halvings: 2 },
-                FlagSettings { sectors: 1, rings: 2, layers: 1, grading: 2.0, layer_grading: 2.0, surface_halvings: 0 },
-                FlagSettings { sectors: 2, rings: 2, layers: 2, surface_halvings: 1, ..FlagSettings::default() },
+                FlagSettings { sectors: 1, rings: 1, layers: 1, grading: 1.0, layer_grading: 1.0 },
+                FlagSettings { sectors: 3, rings: 1, layers: 2, grading: 0.7, layer_grading: 1.4 },
+                FlagSettings { sectors: 1, rings: 2, layers: 1, grading: 2.0, layer_grading: 2.0 },
             ] {
                 let angle = checked(&surface, flags, &settings);
                 // 0.63 (tetrahedron) to 2.5 (dodecahedron): long prisms along the edges.

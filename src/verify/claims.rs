@@ -12,7 +12,7 @@ use crate::bound::LowerBound;
 use crate::bound::certificate;
 use crate::cancel::Cancel;
 use crate::experiment::{Course, Heading, bounds, record};
-use crate::measure::{Measured, Summary, ball_dilatation, measure, warped_ball_dilatation};
+use crate::measure::{Measured, Summary, ball_dilatation, measure};
 use crate::mesh::{TetId, Vec3};
 use crate::optimize::{OPTIMAL, StopReason, Untangled};
 use crate::report::{UntanglingFigures, trace_hash};
@@ -38,7 +38,7 @@ pub(super) fn check(files: &Files, findings: &mut Findings) {
     let (mut before, mut after) = if again.start.corners.is_some() {
         let measure = |image| again.start.measure(image, &Cancel::default());
         let mut before = measure(&again.start.image);
-        before.summary.ball_k = warped_ball_dilatation(&files.domain, files.corners.as_ref(), &files.start).ok();
+        before.summary.ball_k = measure(&files.start).summary.ball_k;
         (before, measure(&files.image))
     } else {
         let mut before = measure(&again.start.domain, &again.start.image);

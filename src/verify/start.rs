@@ -270,6 +270,7 @@ fn told(files: &Files) -> Start {
         splits: report.achieved.splits,
         flags: None,
         corners: files.corners.clone(),
+        symmetric: false,
         warnings: Vec::new(),
     }
 }

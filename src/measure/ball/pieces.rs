@@ -71,6 +71,8 @@ pub(super) struct WarpedTet<'a> {
     largest: Norms,
     /// The square of the image's longest edge over its sixfold volume, 1 / length.
     flatness: f64,
+    /// The same of the tet, times the distance to which its vertices are known.
+    uncertainty: f64,
     /// The corners, and the same from the apex; and their images.
     rest: [Vec3; 4],
     offsets: [Vec3; 4],
@@ -124,20 +126,26 @@ impl Ord for Piece {
 }
 
 impl<'a> WarpedTet<'a> {
-    /// Takes the map of a tet and the warp about `apex`.
-    pub fn new([rest, image]: [&[Vec3; 4]; 2], (warp, apex): (ExactWarp, &Vec3), cones: &'a Cones) -> Self {
+    /// Takes the map of a tet and the warp about `apex`; its vertices, and those of the warp, may be `moved` by so much from those of the map
+    /// that is bounded.
+    pub fn new([rest, image]: [&[Vec3; 4]; 2], (warp, apex): (ExactWarp, &Vec3), cones: &'a Cones, moved: f64) -> Self {
         let map = TetMap::new(rest, image);
         let corners: Vec<[Interval; 3]> = rest.iter().filter(|corner| *corner != apex).map(exact_vector).collect();
         let at_corners = map.warped(&warp, &corners);
         let largest = [0, 1].map(|side| at_corners.iter().map(|map| map.norms()[side]).fold(0.0, f64::max));
         let offsets = rest.map(|corner| corner - apex);
-        let flatness = largest_distance(image, |edge| edge.norm_squared()) / edge_matrix(*image).determinant();
+        let flatness = |corners: &[Vec3; 4]| {
+            largest_distance(corners, |edge| edge.norm_squared()) / edge_matrix(*corners).determinant()
+        };
+        let uncertainty = moved * flatness(rest);
+        let flatness = flatness(image);
         Self {
             map: map.with_exponent(&warp),
             warp,
             at_corners,
             largest,
             flatness,
+            uncertainty,
             rest: *rest,
             offsets,
             image: *image,
@@ -272,6 +280,9 @@ impl<'a> WarpedTet<'a> {
         // What a move of the vertices of the image does to the matrices: relative to the heights of the tet, of which none is less than its
         // volume over the square of its longest edge.
         let moved = moved + 8.0 * SNAP * size(&self.image) * self.flatness;
+        // The same for those of the tet, of which no height is more than those of its cone.
+        let of_warp = 1.0 + (power - 1.0).abs().max((1.0 / power - 1.0).abs()) * slope.norm() * size(&projections);
+        let moved = moved + 8.0 * self.uncertainty * of_warp;
         // The rounding of the terms themselves, of a few units of the last place times the cancellation, is below the factor.
         let larger = 1.0 + 1e-9 * cancelled;
         let bound = [0, 1].map(|side| {

@@ -211,3 +211,22 @@ fn differences_of_a_warped_map_onto_the_ball_stay_below_the_certified_k() {
         }
     }
 }
+
+#[test]
+fn a_chamber_bounds_a_symmetric_map_as_all_of_it_does() {
+    use crate::cancel::Cancel;
+    use crate::measure::measure_warped_onto_ball;
+    let (domain, image, corners) = warped_cube(1.5, 0.0);
+    let tips: Vec<Vec3> = corners.exponents().iter().map(|(v, _)| domain.mesh().points()[v.index()]).collect();
+    let mirrors = crate::mesh::Mirrors::of(domain.mesh(), &Vec3::zeros(), &tips).unwrap();
+    assert_eq!(domain.mesh().tets().len(), 48 * mirrors.tets().len());
+    let image = mirrors.unfolded(&mirrors.folded(&image));
+    let of = |part| measure_warped_onto_ball(&domain, &corners, &image, part, &Cancel::default()).summary.ball_k.unwrap();
+    let (whole, part) = (of(None), of(Some(mirrors.tets())));
+    // The slack that is left to each, 1e-3 and what the search stops at.
+    assert!((part.certified / whole.certified - 1.0).abs() < 3e-3, "{part:?} {whole:?}");
+    assert!((part.sampled / whole.sampled - 1.0).abs() < 1e-9, "{part:?} {whole:?}");
+    // It speaks of nothing else.
+    let few = of(Some(&mirrors.tets()[..1]));
+    assert!(few.certified < part.sampled, "{few:?}");
+}
