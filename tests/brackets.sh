@@ -11,14 +11,14 @@ dir=$(mktemp -d)
 trap 'rm -rf "$dir"' EXIT
 csv=results/brackets/table.csv
 
-# Name; config; overrides.
+# Name; config; overrides; those of the two linear maps, if their mesh is another, coarser one.
 rows() {
     cat <<ROWS
 tetrahedron|brackets|domain.solid=tetrahedron boundary.corners=2.5 mesh.sectors=7 mesh.rings=11 mesh.layers=10
 cube|brackets|
-octahedron|brackets|domain.solid=octahedron boundary.corners=1.9 mesh.sectors=8 mesh.rings=10 mesh.layers=9
+octahedron|brackets|domain.solid=octahedron boundary.corners=1.9 mesh.sectors=8 mesh.rings=10 mesh.layers=9|domain.solid=octahedron mesh.rings=8 mesh.layers=8
 dodecahedron|brackets|domain.solid=dodecahedron boundary.corners=1.25 mesh.sectors=5 mesh.rings=7 mesh.layers=7
-icosahedron|brackets|domain.solid=icosahedron boundary.corners=1.45 mesh.sectors=9 mesh.rings=9 mesh.layers=9
+icosahedron|brackets|domain.solid=icosahedron boundary.corners=1.45 mesh.sectors=11 mesh.rings=10 mesh.layers=11 mesh.grading=1.1 mesh.layer_grading=1|domain.solid=icosahedron mesh.sectors=5 mesh.rings=7 mesh.layers=7
 box 1 x 1 x 2|brackets|domain.solid=box domain.size=[1,1,2] boundary.corners="power" mesh.sectors=4 mesh.rings=7 mesh.layers=7
 3-sided prism|brackets|domain.solid=prism domain.sides=3 boundary.corners="power" mesh.sectors=4 mesh.rings=7 mesh.layers=7
 5-sided prism|brackets|domain.solid=prism domain.sides=5 boundary.corners="power" mesh.sectors=4 mesh.rings=7 mesh.layers=7
@@ -45,13 +45,14 @@ if [[ ! -f $csv ]]; then
     echo "$header" >"$csv"
     awk -F ' *[|] *' '/^[|] / && !/^[|] solid/ { row = $2; for (i = 3; i <= 11; i++) row = row "," $i; print row }' results/brackets/table.md >>"$csv"
 fi
-while IFS='|' read -r name config keys; do
+while IFS='|' read -r name config keys coarser; do
     wanted=$#
     for asked; do [[ $asked == "$name" ]] && wanted=0; done
     ((wanted == 0)) || continue
+    read -ra coarser <<<"${coarser:-$keys}"
     read -ra keys <<<"$keys"
     linear=()
-    for key in ${keys[@]+"${keys[@]}"}; do [[ $key == boundary.corners=* ]] || linear+=("$key"); done
+    for key in ${coarser[@]+"${coarser[@]}"}; do [[ $key == boundary.corners=* ]] || linear+=("$key"); done
     linear+=('boundary.corners="linear"' 'boundary.values="fixed"' 'optimize.objective="max"')
     run "$dir/radial" "$config" "${linear[@]}" optimize.symmetric=false optimize.max_iterations=0
     run "$dir/fixed" "$config" "${linear[@]}"
@@ -93,7 +94,7 @@ Made by \`tests/brackets.sh\`. The coefficient K(D) of a solid D is the least la
 least pi over the sharpest dihedral angle alpha of D, and at most K onto the ball of any map; *certified*, rounded up, is that of one whose
 boundary slides and which is like r^p at the corners. Whether (pi / alpha)^(3/2), which no piecewise-linear map of a fine mesh goes below, with powers
 at the corners or without, is the coefficient is not known. *K*: of the same map onto the polyhedron. *Radial* and *fixed*: K onto the ball of the radial
-piecewise-linear map of the same mesh, and of the one optimized with the radial boundary values, symmetric too. Every certified value is
+piecewise-linear map of the same mesh or a coarser one, and of the one optimized with the radial boundary values, symmetric too. Every certified value is
 of a folder that \`qcball verify\` accepted; \`tests/differences.py\` looks for larger K at 100,000 random points. Seconds are CPU time of the run that gave it, one thread. The ellipsoid is the polyhedron
 inscribed in it that the mesh fills. Rows were made by the programs of different commits; \`tests/brackets.sh QCBALL NAME\` makes one anew.
 
