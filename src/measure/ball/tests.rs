@@ -221,7 +221,8 @@ fn a_chamber_bounds_a_symmetric_map_as_all_of_it_does() {
     let mirrors = crate::mesh::Mirrors::of(domain.mesh(), &Vec3::zeros(), &tips).unwrap();
     assert_eq!(domain.mesh().tets().len(), 48 * mirrors.tets().len());
     let image = mirrors.unfolded(&mirrors.folded(&image));
-    let of = |part| measure_warped_onto_ball(&domain, &corners, &image, part, &Cancel::default()).summary.ball_k.unwrap();
+    let of =
+        |part| measure_warped_onto_ball(&domain, &corners, &image, part, &Cancel::default()).summary.ball_k.unwrap();
     let (whole, part) = (of(None), of(Some(mirrors.tets())));
     // The slack that is left to each, 1e-3 and what the search stops at.
     assert!((part.certified / whole.certified - 1.0).abs() < 3e-3, "{part:?} {whole:?}");
