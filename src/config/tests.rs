@@ -417,7 +417,7 @@ fn refinement_is_off_without_rounds_and_refused_where_it_cannot_be() {
         (&["refine.tets=\"many\""], "5 %"),
         (&["refine.tets=-1"], "refine.tets"),
         (&["refine.until=0"], "refine.until"),
-        (&["refine.rounds=3", "optimize.objective=\"soft-max\"", "optimize.exponent=4"], "multipliers"),
+        (&["refine.rounds=3", "optimize.objective=\"soft-max\"", "optimize.exponent=4"], "interior-point method"),
         (&["refine.rounds=3", "boundary.corners=1.5"], "piecewise-linear"),
         (&["refine.rounds=3", "boundary.values=\"sliding\""], "slide"),
     ] {
