@@ -25,6 +25,7 @@ use clap_complete::Shell;
 use crate::bench::BenchError;
 use crate::comparison::{self, ComparisonError};
 use crate::config::{AnalyticPlan, ConfigError, Plan, Task, schema};
+use crate::dilatation::upper_bound;
 use crate::experiment::{self, Event, RunError, Stage, Start};
 use crate::mesh::io::{ReadError, WriteError, check_file_can_be_put, check_folder_is_writable, shown_path};
 use crate::optimize::StopReason;
@@ -308,9 +309,13 @@ fn preview(plan: &Plan, folder: &Path) -> Result<String, Failure> {
     text +=
         &format!("start       {}: max K {:.4}, mean {:.4}, {} flipped\n", start.map.map, k.max_k, k.mean_k, k.flipped);
     if let Some(ball) = k.ball_k {
-        text += &format!("onto ball   K onto the ball of the start <= {:.4}\n", ball.certified);
+        text += &format!("onto ball   K onto the ball of the start <= {}\n", upper_bound(ball.certified));
     }
-    text += &format!("memory      about {:.1} GiB\n", memory_of(tets) as f64 / f64::from(1 << 30));
+    let mebibytes = memory_of(tets) >> 20;
+    text += &match mebibytes {
+        ..1024 => format!("memory      about {mebibytes} MiB\n"),
+        _ => format!("memory      about {:.1} GiB\n", mebibytes as f64 / 1024.0),
+    };
     Ok(text + &format!("results     would go to {}; nothing was written\n", shown_path(folder)))
 }
 

@@ -107,6 +107,9 @@ pub enum Scope {
     /// Piecewise-linear maps of this mesh with these boundary positions (`[PL-fix]`): the scope of what we measure.
     #[serde(rename = "PL maps of this mesh with this boundary")]
     MeshFixedBoundary,
+    /// The same, but for powers of the distance at the corners, with these exponents.
+    #[serde(rename = "maps of this mesh with this boundary, PL but for these powers")]
+    MeshFixedPowers,
 }
 
 impl Scope {
@@ -116,6 +119,7 @@ impl Scope {
             Self::Shape => "any qc map of the solid onto the ball",
             Self::ShapeFixedTrace => "qc maps of the solid onto the ball with the radial boundary values",
             Self::MeshFixedBoundary => "PL maps of this mesh with this boundary",
+            Self::MeshFixedPowers => "maps of this mesh with this boundary, PL but for these powers",
         }
     }
 }

@@ -63,10 +63,10 @@ pub fn gram_with_corners(
     Ok(worded(certificate::bound(found, &elements.domain, image)?))
 }
 
-/// With the maps in words.
+/// With the maps it speaks of: others with other exponents may have a smaller K.
 fn worded(bound: LowerBound) -> LowerBound {
     let more = bound.reason.split_once("; ").map_or(String::new(), |(_, more)| format!("; {more}"));
-    LowerBound { reason: format!("{MAPS}{more}"), ..bound }
+    LowerBound { reason: format!("{MAPS}{more}"), scope: Scope::MeshFixedPowers, ..bound }
 }
 
 /// Whether the warps take the half-planes at the bound's edge to half-planes.

@@ -20,7 +20,7 @@ pub(super) fn coarse_warning(columns: usize, ball: &BallFigures, last: &Summary)
     };
     let text = format!(
         "the image is a polyhedron that fills {} of the ball: K speaks of the map onto this polyhedron, K onto the ball is at \
-         most {}; a finer surface, as by mesh.edge_length, comes nearer",
+         most {}; a finer surface comes nearer",
         percent(fraction),
         upper_bound(k.certified)
     );
@@ -120,5 +120,6 @@ fn scope_in_short(scope: Scope) -> &'static str {
         Scope::Shape => "all of the solid",
         Scope::ShapeFixedTrace => "with radial trace",
         Scope::MeshFixedBoundary => "PL on this mesh",
+        Scope::MeshFixedPowers => "with these powers",
     }
 }

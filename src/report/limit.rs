@@ -69,12 +69,16 @@ impl Limit {
             Some(place) => format!("the bound \"{}\" at {}", best.name, place_in_words(place)),
             None => format!("the bound \"{}\"", best.name),
         };
-        let (optimal, values, maps) = if slid {
-            let maps = "map of this mesh with the boundary values that it slid to";
-            ("the map is proved optimal for its boundary values", "the values that the boundary slid to limit", maps)
-        } else {
-            ("the map is proved globally optimal", "the boundary values limit", "map of this mesh with this boundary")
+        let powers = best.scope == Scope::MeshFixedPowers;
+        let with = if powers { "these powers at the corners and " } else { "" };
+        let optimal = match (powers, slid) {
+            (true, _) => "the map is proved optimal for its powers at the corners and its boundary values",
+            (false, true) => "the map is proved optimal for its boundary values",
+            (false, false) => "the map is proved globally optimal",
         };
+        let values = if slid { "the values that the boundary slid to limit" } else { "the boundary values limit" };
+        let boundary = if slid { "the boundary values that it slid to" } else { "this boundary" };
+        let maps = format!("map of this mesh with {with}{boundary}");
         if gap <= 1.0 + OPTIMAL {
             let sentence = format!("{optimal}: by {source} no {maps} has a smaller largest K");
             return say(LimitedBy::ProvedOptimal, sentence);
@@ -91,6 +95,7 @@ impl Limit {
         if gap <= CLOSE {
             // What the surface and its values alone prove holds on every mesh inside.
             let of_boundary = matches!(best.name, BoundName::Trace | BoundName::EdgeRatio | BoundName::Vertex);
+            let others = if powers { ", and so may other powers" } else { "" };
             return match limit_of_fine_meshes(bounds) {
                 Some(fine) if fine * CLOSE < best.value => say(
                     LimitedBy::Mesh,
@@ -104,12 +109,12 @@ impl Limit {
                     LimitedBy::Mesh,
                     format!(
                         "this mesh limits K: by {source} no {maps} can gain more than {room} %, but one of a mesh refined \
-                         there may"
+                         there may{others}"
                     ),
                 ),
                 _ => say(
                     LimitedBy::BoundaryValues,
-                    format!("{values} K: by {source} no {maps} can gain more than {room} %"),
+                    format!("{with}{values} K: by {source} no {maps} can gain more than {room} %"),
                 ),
             };
         }
@@ -223,5 +228,17 @@ mod tests {
         // Another map onto the sphere is not spoken of.
         let limit = Limit::of(4.0, &[mesh(4.0)], settled, true);
         assert!(limit.by == ProvedOptimal && limit.sentence.contains("boundary values that it slid to"), "{limit:?}");
+        // Nor are other exponents.
+        let powers = [LowerBound { applies: true, ..bound(Scope::MeshFixedPowers, 4.0) }];
+        for (max_k, words) in [
+            (
+                4.0,
+                "optimal for its powers at the corners and its boundary values: by the bound \"apex\" at vertex 7 no map of this mesh with these powers",
+            ),
+            (4.2, "but one of a mesh refined there may, and so may other powers"),
+        ] {
+            let limit = Limit::of(max_k, &powers, settled, false);
+            assert!(limit.sentence.contains(words), "{limit:?}");
+        }
     }
 }

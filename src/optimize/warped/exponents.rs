@@ -56,7 +56,8 @@ impl Search {
 
 impl Warped<'_> {
     /// The corners with exponents from which no small change lowers the largest K onto the polyhedron by much, from those that they
-    /// have: of the ones tried, those of the least K. Corners that the mirror planes exchange have the same.
+    /// have: of the ones tried, those of the least K, and 1 for all if that was better than those and no other was. Corners that
+    /// the mirror planes exchange have the same.
     ///
     /// # Errors
     /// As [`optimize()`](crate::optimize::optimize()).
@@ -70,18 +71,23 @@ impl Warped<'_> {
         for (vertex, exponent) in given.exponents() {
             searches.entry(self.alike(vertex)).or_insert_with(|| Search::at(exponent.ln()));
         }
-        let mut best: Option<(f64, Corners)> = None;
-        let (mut known, mut positions) = (Start::Anywhere, start.to_vec());
-        for _ in 0..TRIES {
-            let corners = given.clone().with_exponents(|vertex| searches[&self.alike(vertex)].log.exp());
+        let largest = |corners: &Corners, known, positions: &[Vec3]| {
             let (plain, owners) =
                 self.chamber().with_factors(|tet| corners.factors(self.domain, self.tet_of_chamber(tet)));
-            let outcome = self.solved(&plain, known, &positions, &settings, &mut |_| {})?;
+            let outcome = self.solved(&plain, known, positions, &settings, &mut |_| {})?;
             let k = measure(&plain, &self.restricted(&outcome.positions)).summary.max_k;
+            Ok::<_, OptimizeError>((k, owners, outcome))
+        };
+        let mut best: Option<(f64, Corners)> = None;
+        let (mut known, mut positions, mut falls) = (Start::Anywhere, start.to_vec(), 0);
+        for _ in 0..TRIES {
+            let corners = given.clone().with_exponents(|vertex| searches[&self.alike(vertex)].log.exp());
+            let (k, owners, outcome) = largest(&corners, known, &positions)?;
             let fell = best.as_ref().is_none_or(|(least, _)| k < *least);
             let slopes = self.slopes(&corners, &owners, &outcome.multipliers, &outcome.positions);
             if fell {
                 (best, positions, known) = (Some((k, corners)), outcome.positions, Start::Settled);
+                falls += 1;
             }
             let mut promised = 0.0;
             for (corner, (share, slope)) in slopes {
@@ -93,6 +99,14 @@ impl Warped<'_> {
             }
             if promised < GAIN || settings.cancel.is_due() {
                 break;
+            }
+        }
+        // What the search begins with suits corners of solids. Where it led nowhere, on coarse meshes of smooth ones, no powers may be better.
+        if falls < 2 && !settings.cancel.is_due() {
+            let linear = given.clone().with_exponents(|_| 1.0);
+            let (k, ..) = largest(&linear, Start::Anywhere, start)?;
+            if best.as_ref().is_none_or(|(least, _)| k < *least) {
+                best = Some((k, linear));
             }
         }
         Ok(best.map_or_else(|| given.clone(), |(_, corners)| corners))
