@@ -56,8 +56,7 @@ impl Search {
 
 impl Warped<'_> {
     /// The corners with exponents from which no small change lowers the largest K onto the polyhedron by much, from those that they
-    /// have: of the ones tried, those of the least K, and 1 for all if that was better than those and no other was. Corners that
-    /// the mirror planes exchange have the same.
+    /// have: of the ones tried, 1 for all among them, those of the least K. Corners that the mirror planes exchange have the same.
     ///
     /// # Errors
     /// As [`optimize()`](crate::optimize::optimize()).
@@ -79,7 +78,7 @@ impl Warped<'_> {
             Ok::<_, OptimizeError>((k, owners, outcome))
         };
         let mut best: Option<(f64, Corners)> = None;
-        let (mut known, mut positions, mut falls) = (Start::Anywhere, start.to_vec(), 0);
+        let (mut known, mut positions) = (Start::Anywhere, start.to_vec());
         for _ in 0..TRIES {
             let corners = given.clone().with_exponents(|vertex| searches[&self.alike(vertex)].log.exp());
             let (k, owners, outcome) = largest(&corners, known, &positions)?;
@@ -87,7 +86,6 @@ impl Warped<'_> {
             let slopes = self.slopes(&corners, &owners, &outcome.multipliers, &outcome.positions);
             if fell {
                 (best, positions, known) = (Some((k, corners)), outcome.positions, Start::Settled);
-                falls += 1;
             }
             let mut promised = 0.0;
             for (corner, (share, slope)) in slopes {
@@ -101,8 +99,8 @@ impl Warped<'_> {
                 break;
             }
         }
-        // What the search begins with suits corners of solids. Where it led nowhere, on coarse meshes of smooth ones, no powers may be better.
-        if falls < 2 && !settings.cancel.is_due() {
+        // What the search begins with suits corners of solids; at those of a coarse mesh of a smooth one no powers may be better.
+        if !settings.cancel.is_due() {
             let linear = given.clone().with_exponents(|_| 1.0);
             let (k, ..) = largest(&linear, Start::Anywhere, start)?;
             if best.as_ref().is_none_or(|(least, _)| k < *least) {
