@@ -282,7 +282,10 @@ fn corners_without_sense_are_refused() {
         (format!("{FLAGS}[boundary]\ncorners = inf\n"), "a.toml:9: `boundary.corners` is inf"),
         (format!("{FLAGS}[boundary]\ncorners = 60\n"), "must be a number from 0.05 to 50"),
         (format!("{FLAGS}[boundary]\ncorners = \"cubic\"\n"), "corners are \"linear\", \"power\" or a number"),
-        (format!("{FLAGS}[boundary]\ncorners = 2\n[map]\nkind = \"folding\"\nratio = 2\n"), "use the map \"radial\""),
+        (
+            format!("{FLAGS}[boundary]\ncorners = 2\n[map]\nkind = \"folding\"\nratio = 2\n"),
+            "are for the maps \"auto\" and \"radial\"",
+        ),
         ("[domain]\nsolid = \"ball\"\nresolution = 2\n[boundary]\ncorners = 2\n".into(), "the solid has no corners"),
         (
             "[domain]\nfile = \"shells/domain.vtu\"\nkeep_mesh = true\n[boundary]\ncorners = 1.1\n".into(),
