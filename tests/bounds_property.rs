@@ -104,6 +104,18 @@ fn check_measured(bounds: &[LowerBound], map: &Summary, case: u64) -> f64 {
     map.max_k
 }
 
+/// A random mesh with a map of it, onto the ball or onto the mesh itself, boundary values moved or not, by one of these amounts; none
+/// if tets are flipped.
+fn random_start(random: &mut Random, amounts: [f64; 3]) -> Option<(Domain, Vec<Vec3>)> {
+    let (domain, radial) = random_mesh(random);
+    let positive = |image: &[Vec3]| measure(&domain, image).summary.flipped == 0;
+    let onto_ball = positive(&radial) && random.number() < 0.0;
+    let start = if onto_ball { radial } else { domain.mesh().points().to_vec() };
+    let amount = amounts[random.0.next_u32() as usize % 3];
+    let start = random.moved(&start, amount, |_| true, positive);
+    positive(&start).then_some((domain, start))
+}
+
 #[test]
 fn no_bound_exceeds_a_random_or_an_optimized_map() {
     let cases = cases(60);
@@ -111,16 +123,8 @@ fn no_bound_exceeds_a_random_or_an_optimized_map() {
     let mut gaps = Vec::new();
     for case in 0..cases {
         let mut random = Random(ChaCha8Rng::seed_from_u64(case));
-        let (domain, radial) = random_mesh(&mut random);
+        let Some((domain, start)) = random_start(&mut random, [0.0, 0.1, 0.6]) else { continue };
         let positive = |image: &[Vec3]| measure(&domain, image).summary.flipped == 0;
-        // Onto the ball or onto the domain itself, boundary values moved or not.
-        let onto_ball = positive(&radial) && random.number() < 0.0;
-        let start = if onto_ball { radial } else { domain.mesh().points().to_vec() };
-        let amount = [0.0, 0.1, 0.6][random.0.next_u32() as usize % 3];
-        let start = random.moved(&start, amount, |_| true, positive);
-        if !positive(&start) {
-            continue;
-        }
         let fixed = domain.boundary().vertex_mask();
         let mut bounds = bound::all(&domain, &start, None, false);
         if case % 4 == 0 {
@@ -194,15 +198,8 @@ fn no_bound_exceeds_a_map_with_powers_at_corners() {
     let (mut reached, mut exceeding) = ([0.0f64; 4], [0u64; 4]);
     for case in 0..cases {
         let mut random = Random(ChaCha8Rng::seed_from_u64(case));
-        let (domain, radial) = random_mesh(&mut random);
+        let Some((domain, start)) = random_start(&mut random, [0.0, 0.1, 0.4]) else { continue };
         let positive = |image: &[Vec3]| measure(&domain, image).summary.flipped == 0;
-        let onto_ball = positive(&radial) && random.number() < 0.0;
-        let start = if onto_ball { radial } else { domain.mesh().points().to_vec() };
-        let amount = [0.0, 0.1, 0.4][random.0.next_u32() as usize % 3];
-        let start = random.moved(&start, amount, |_| true, positive);
-        if !positive(&start) {
-            continue;
-        }
         let corners = random_corners(&mut random, &domain);
         let elements = corners.elements(&domain);
         let bounds = bounds_with(&domain, &corners, &start);
