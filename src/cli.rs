@@ -10,6 +10,7 @@ mod measure;
 mod optimize;
 mod output;
 mod picture;
+mod preview;
 mod progress;
 mod sphere;
 mod sweep;
@@ -24,16 +25,15 @@ use clap_complete::Shell;
 
 use crate::bench::BenchError;
 use crate::comparison::{self, ComparisonError};
-use crate::config::{AnalyticPlan, ConfigError, Plan, Task, schema};
-use crate::dilatation::upper_bound;
-use crate::experiment::{self, Event, RunError, Stage, Start};
+use crate::config::{AnalyticPlan, ConfigError, Task, schema};
+use crate::experiment::{self, Event, RunError, Stage};
 use crate::mesh::io::{ReadError, WriteError, check_file_can_be_put, check_folder_is_writable, shown_path};
 use crate::optimize::StopReason;
 use crate::report::{
     FILES, INCOMPLETE, PageError, summary_within, time_line, write_case_pages, write_pages, write_pages_of, write_pair,
     write_results,
 };
-use crate::sweep::{TableError, memory_of};
+use crate::sweep::TableError;
 use crate::verify::VerifyError;
 use inputs::refuse_to_write_over;
 use output::{columns, fault, note, print, show_error};
@@ -293,32 +293,6 @@ fn pages_are_written(folder: &Path, written: &Result<PathBuf, PageError>) -> boo
     written.is_ok()
 }
 
-/// What would be solved: the mesh and the map started from, and the memory that is likely to be needed.
-fn preview(plan: &Plan, folder: &Path) -> Result<String, Failure> {
-    let (start, k) = experiment::on_threads(plan.threads.unwrap_or(0), || -> Result<_, RunError> {
-        let start = Start::of(plan)?;
-        let summary = start.measure(&start.image, &plan.optimize.cancel).summary;
-        Ok((start, summary))
-    })??;
-    let domain = &start.domain;
-    let (vertices, tets) = (domain.mesh().points().len(), domain.mesh().tets().len());
-    let boundary = domain.boundary().vertex_mask().iter().filter(|&&on| on).count();
-    let mut text: String = start.warnings.iter().map(|warning| format!("warning     {warning}\n")).collect();
-    text += &format!("run         {} ({})\nsolid       {}\n", plan.name, shown_path(plan.source.path()), start.origin);
-    text += &format!("mesh        {vertices} vertices ({boundary} on the boundary), {tets} tets\n");
-    text +=
-        &format!("start       {}: max K {:.4}, mean {:.4}, {} flipped\n", start.map.map, k.max_k, k.mean_k, k.flipped);
-    if let Some(ball) = k.ball_k {
-        text += &format!("onto ball   K onto the ball of the start <= {}\n", upper_bound(ball.certified));
-    }
-    let mebibytes = memory_of(tets) >> 20;
-    text += &match mebibytes {
-        ..1024 => format!("memory      about {mebibytes} MiB\n"),
-        _ => format!("memory      about {:.1} GiB\n", mebibytes as f64 / 1024.0),
-    };
-    Ok(text + &format!("results     would go to {}; nothing was written\n", shown_path(folder)))
-}
-
 /// A config from elsewhere may name any program.
 fn tell_of_program(program: &Path) {
     note(&format!("the config has {} run as its mesher", shown_path(program)));
@@ -344,7 +318,7 @@ fn run(arguments: &RunArguments) -> Result<Ending, Failure> {
     plan.program().into_iter().for_each(tell_of_program);
     if arguments.dry_run {
         plan.optimize.cancel = interrupt::cancel_on_signal();
-        return print(&preview(&plan, &folder)?);
+        return print(&preview::preview(&plan, &folder)?);
     }
     refuse_to_write_over([&arguments.config], &arguments.told.log)?;
     // Before hours of work, not after.

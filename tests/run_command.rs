@@ -68,6 +68,28 @@ fn a_dry_run_tells_the_mesh_and_writes_nothing() {
     // 8 triangles in 2 layers: an inner tet and an outer prism of 3 tets each, on 6 + 6 + 1 vertices.
     assert!(text.contains("13 vertices (6 on the boundary), 32 tets"), "{text}");
     assert!(text.contains("nothing was written") && !folder.path().join("results").exists(), "{text}");
+    assert!(!text.contains("corners  ") && !text.contains("symmetric  ") && !text.contains("refined  "), "{text}");
+}
+
+#[test]
+fn a_dry_run_tells_of_corners_symmetry_and_refinement() {
+    let folder = tempfile::tempdir().unwrap();
+    let dry_run = |config: &str| qcball(folder.path(), &["run", "-", "--dry-run"], config);
+    let coarse = "[domain]\nsolid = \"cube\"\n[mesh]\nsubdivisions = 1\nlayers = 2\n";
+    // 48 cones of 4 tets: a third of 192.
+    let text = printed(&dry_run(&format!("{coarse}[refine]\nrounds = 3\ntets = \"33.4 %\"\n")));
+    assert!(text.contains("in 3 rounds at most, by 64 tets at most, until K is within 2.0000 %"), "{text}");
+    let flags = "[domain]\nsolid = \"cube\"\n[mesh]\nkind = \"flag\"\nlayers = 2\n";
+    let powers = "[boundary]\nvalues = \"sliding\"\ncorners = \"power\"\n[optimize]\nsymmetric = true\n";
+    let text = printed(&dry_run(&format!("{flags}{powers}")));
+    // The solid angle of a corner is pi / 2: p = 4^(1/4).
+    assert!(text.contains("from 8 vertices, p = 1.4142, from which better ones are sought"), "{text}");
+    assert!(text.contains("its vertices slide") && text.contains("symmetric   9 mirror planes"), "{text}");
+    // From such a centre no mirror image is the solid.
+    let askew = coarse.replace("[mesh]", "centre = [0.2, 0.1, -0.15]\n[mesh]");
+    let output = dry_run(&format!("{askew}[optimize]\nsymmetric = true\n"));
+    let error = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.code() == Some(2) && error.contains("no mirror plane"), "{error}");
 }
 
 #[test]
