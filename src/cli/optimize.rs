@@ -30,7 +30,7 @@ pub(crate) struct OptimizeArguments {
     /// A file of the fixed vertices, counted from 0; by default those of the boundary.
     #[arg(long, value_name = "FILE")]
     lock: Option<PathBuf>,
-    /// Take the settings from the tables `optimize` and `boundary` of a config instead of the options below.
+    /// Take the settings from the tables `optimize`, `boundary` and `refine` of a config instead of the options below.
     #[arg(
         long,
         value_name = "CONFIG.toml",
@@ -90,7 +90,10 @@ pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure>
     for file in [Some(&arguments.out), arguments.trace.as_ref()].into_iter().flatten() {
         check_file_can_be_put(file)?;
     }
-    let from_config = arguments.config.as_deref().map(optimize_settings).transpose()?;
+    let kept_by = [(arguments.lock.is_some(), "--lock"), (arguments.keep_mesh, "--keep-mesh")];
+    let kept_by = kept_by.into_iter().find_map(|(is_given, option)| is_given.then_some(option));
+    let of_config = |path| optimize_settings(path, kept_by);
+    let (from_config, refined_by_config) = arguments.config.as_deref().map(of_config).transpose()?.unzip();
     let progress = Progress::new(&arguments.told)?;
     progress.begin(Stage::Reading);
     let map = read_map(&arguments.rest, &arguments.init)?;
@@ -119,6 +122,7 @@ pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure>
         tets: arguments.refine_tets,
         ..RefineSettings::default()
     });
+    let refinement = refinement.or(refined_by_config.flatten());
     let vertices = map.domain.mesh().points().len();
     progress.begin(Stage::Optimizing);
     let optimized = on_threads(usize::from(arguments.threads), || {

@@ -4,8 +4,10 @@ use std::path::Path;
 
 use super::error::{ConfigError, Fault};
 use super::limits::whole;
-use super::{Config, ConfigSource, CornersName, CornersValue, ObjectiveName, plan};
+use super::{Config, ConfigSource, CornersName, CornersValue, ObjectiveName, plan, refine};
+use crate::map::CornerChoice;
 use crate::optimize::OptimizeSettings;
+use crate::refine::RefineSettings;
 
 /// How a folder of meshes is optimised.
 #[derive(Clone, Debug)]
@@ -40,25 +42,35 @@ impl BenchPlan {
     }
 }
 
-/// The settings in the table `[optimize]` of a config, whatever else it has.
+/// The settings in the tables `[optimize]`, `[boundary]` and `[refine]` of a config, whatever else it has; `kept_by`: the option with which
+/// a mesh cannot be refined, if there is one.
 ///
 /// # Errors
 /// The first fault, with the file, line and key to blame, and what to do.
-pub fn optimize_settings(path: &Path) -> Result<OptimizeSettings, ConfigError> {
+pub fn optimize_settings(
+    path: &Path,
+    kept_by: Option<&str>,
+) -> Result<(OptimizeSettings, Option<RefineSettings>), ConfigError> {
     let (source, config) = ConfigSource::read(path, &[])?;
-    of_given_maps(&config).map_err(|fault| source.error(fault))
+    let made = || {
+        if let Some((key, option)) = config.refine.asked_by().zip(kept_by) {
+            let message = format!("`{}` asks for refinement, with which {option} does not go", key.join("."));
+            return Err(Fault::at(&key, message, "leave out the one or the other"));
+        }
+        Ok((of_given_maps(&config)?, refine::plan(&config, &CornerChoice::Linear)?))
+    };
+    made().map_err(|fault| source.error(fault))
 }
 
 /// The settings that a map without a solid behind it can be optimized with.
 fn of_given_maps(config: &Config) -> Result<OptimizeSettings, Fault> {
-    let (optimize, boundary, refine) = (&config.optimize, &config.boundary, &config.refine);
+    let (optimize, boundary) = (&config.optimize, &config.boundary);
     let asked = [
         (["optimize", "symmetric"], optimize.symmetric),
         (["optimize", "objective"], optimize.objective == ObjectiveName::Ball),
         (["boundary", "corners"], !matches!(boundary.corners, None | Some(CornersValue::Named(CornersName::Linear)))),
         (["boundary", "corner_vertices"], boundary.corner_vertices.is_some()),
         (["boundary", "collar"], boundary.collar != 0.0),
-        (["refine", "rounds"], refine.rounds.is_some_and(|rounds| rounds != 0)),
     ];
     let Some((key, _)) = asked.into_iter().find(|(_, is_asked)| *is_asked) else { return plan::optimize(config) };
     let message = format!("`{}` is for `qcball run`, which reads the map from the solid's own config", key.join("."));

@@ -10,12 +10,16 @@ use crate::map::CornerChoice;
 use crate::optimize::BoundaryValues;
 use crate::refine::{Budget, RefineSettings};
 
+/// The most that `refine.tets` may be.
+const MOST_TETS: i64 = 1_000_000_000;
+
 /// The table `[refine]`: rounds in which edges are halved inside, where K is large, before the largest K is settled again. The
 /// surface stays as it is, and so do the values there.
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RefineTable {
-    /// Most rounds, at least 0; each may add an equal part of the tets, and 8 are enough. Default: 0, no refinement.
+    /// Most rounds, at least 0; each may add an equal part of the tets. Default: 8, which are enough, where this table has another
+    /// key, else 0: no refinement.
     #[schemars(range(min = 0, max = 1000))]
     pub rounds: Option<i64>,
     /// Most tets that may be added in all: a number, or a share such as "5 %" of those there are. Default: "10 %".
@@ -35,15 +39,28 @@ pub enum BudgetValue {
     Share(String),
 }
 
+impl RefineTable {
+    /// The key that asks for refinement, if one does.
+    pub(super) fn asked_by(&self) -> Option<[&'static str; 2]> {
+        let keys = [("rounds", self.rounds.is_some()), ("tets", self.tets.is_some()), ("until", self.until.is_some())];
+        let (key, _) = keys.into_iter().find(|(_, is_given)| *is_given)?;
+        (self.rounds != Some(0)).then_some(["refine", key])
+    }
+}
+
 /// What a checked `[refine]` means; none without rounds.
 pub(super) fn plan(config: &Config, corners: &CornerChoice) -> Result<Option<RefineSettings>, Fault> {
     let table = &config.refine;
     let default = RefineSettings::default();
-    let rounds: usize = whole(table.rounds, 0, 0..=1000, &["refine", "rounds"])?;
+    let rounds: usize = whole(table.rounds, default.rounds as i64, 0..=1000, &["refine", "rounds"])?;
     let key = ["refine", "tets"];
     let tets = match &table.tets {
         None => default.tets,
-        Some(BudgetValue::Tets(count)) => Budget::Tets(whole(Some(*count), 0, 0..=1_000_000_000, &key)?),
+        Some(BudgetValue::Tets(count @ 0..=MOST_TETS)) => Budget::Tets(*count as usize),
+        Some(BudgetValue::Tets(count)) => {
+            let message = format!("`refine.tets` is {count}, but must lie between 0 and {MOST_TETS}");
+            return Err(Fault::at(&key, message, "the default is \"10 %\" of the tets that there are"));
+        }
         Some(BudgetValue::Share(text)) => match text.parse() {
             Ok(budget @ Budget::Share(_)) => budget,
             _ => {
@@ -53,10 +70,8 @@ pub(super) fn plan(config: &Config, corners: &CornerChoice) -> Result<Option<Ref
         },
     };
     let until = positive(table.until, default.until, &["refine", "until"])?;
-    if rounds == 0 {
-        return Ok(None);
-    }
-    let refuse = |message: &str, help: &str| Err(Fault::at(&["refine", "rounds"], message.into(), help));
+    let Some(asked_by) = table.asked_by() else { return Ok(None) };
+    let refuse = |message: &str, help: &str| Err(Fault::at(&asked_by, message.into(), help));
     if config.optimize.objective != ObjectiveName::Max || config.optimize.engine.solves_epigraph() {
         return refuse(
             "refinement lowers the largest K by the interior-point method, which this [optimize] does not come to",

@@ -359,20 +359,26 @@ fn a_map_without_a_solid_takes_no_key_that_would_be_passed_over() {
     let path = folder.path().join("case.toml");
     let read = |text: &str| {
         std::fs::write(&path, text).unwrap();
-        optimize_settings(&path)
+        optimize_settings(&path, None)
     };
     for (table, key, value) in [
         ("boundary", "corners", "1.5"),
         ("boundary", "corner_vertices", "[0]"),
         ("boundary", "collar", "0.1"),
-        ("refine", "rounds", "2"),
         ("optimize", "symmetric", "true"),
         ("optimize", "objective", "\"ball\""),
     ] {
         let message = read(&format!("[{table}]\n{key} = {value}\n")).unwrap_err().to_string();
         assert!(message.contains(&format!("`{table}.{key}` is for `qcball run`")), "{message}");
     }
-    assert!(read("[boundary]\nvalues = \"sliding\"\ncorners = \"linear\"\n[refine]\nrounds = 0\n").is_ok());
+    let sliding = read("[boundary]\nvalues = \"sliding\"\ncorners = \"linear\"\n[refine]\nrounds = 0\ntets = 5\n");
+    assert_eq!(sliding.unwrap().1, None);
+    assert_eq!(
+        read("[refine]\nrounds = 2\n").unwrap().1,
+        Some(RefineSettings { rounds: 2, ..RefineSettings::default() })
+    );
+    let message = optimize_settings(&path, Some("--lock")).unwrap_err().to_string();
+    assert!(message.contains("`refine.rounds` asks") && message.contains("--lock"), "{message}");
 }
 
 #[test]
@@ -405,17 +411,20 @@ fn an_engine_for_the_largest_k_is_refused_for_soft_maxima() {
 fn refinement_is_off_without_rounds_and_refused_where_it_cannot_be() {
     let cube = "[domain]\nsolid = \"cube\"\n";
     assert_eq!(plan(cube, &[]).unwrap().refine, None);
-    assert_eq!(plan(cube, &["refine.tets=5"]).unwrap().refine, None);
+    assert_eq!(plan(cube, &["refine.rounds=0", "refine.tets=5"]).unwrap().refine, None);
     let refine = |overrides: &[&str]| plan(cube, overrides).unwrap().refine.unwrap();
     let default = RefineSettings { rounds: 3, ..RefineSettings::default() };
     assert_eq!(refine(&["refine.rounds=3"]), default);
+    assert_eq!(refine(&["refine.tets=5"]), RefineSettings { tets: Budget::Tets(5), ..RefineSettings::default() });
+    assert_eq!(refine(&["refine.until=0.02"]), RefineSettings::default());
     let given = refine(&["refine.rounds=3", "refine.tets=\"5 %\"", "refine.until=0.1"]);
     assert_eq!(given, RefineSettings { rounds: 3, tets: Budget::Share(0.05), until: 0.1 });
     assert_eq!(refine(&["refine.rounds=3", "refine.tets=200"]).tets, Budget::Tets(200));
     for (overrides, word) in [
         (&["refine.rounds=-1"][..], "refine.rounds"),
         (&["refine.tets=\"many\""], "5 %"),
-        (&["refine.tets=-1"], "refine.tets"),
+        (&["refine.tets=-1"], "the default is \"10 %\""),
+        (&["refine.tets=5", "boundary.values=\"sliding\""], "slide"),
         (&["refine.until=0"], "refine.until"),
         (&["refine.rounds=3", "optimize.objective=\"soft-max\"", "optimize.exponent=4"], "interior-point method"),
         (&["refine.rounds=3", "boundary.corners=1.5"], "piecewise-linear"),
