@@ -20,8 +20,10 @@ use crate::map::Corners;
 use crate::measure::Measured;
 use crate::mesh::io::shown_path;
 use crate::mesh::{TetId, Unit, Vec3, VertexId};
-use crate::optimize::{OptimizeSettings, Outcome, Polish, StopReason, Tangled, TraceRow, Untangled};
-use crate::refine::refine;
+use crate::optimize::{
+    Freed, OptimizeSettings, Outcome, Polish, StopReason, Tangled, TraceRow, Untangled, flipped_tets,
+};
+use crate::refine::{RefinedMap, refine};
 use crate::report::{MapRecord, RefinedFigures, Report, Times, UntanglingFigures, trace_hash};
 
 pub use error::{Fault, RunError};
@@ -29,13 +31,24 @@ pub use optimize_map::{GivenMap, OptimizedMap, optimize_map, read_locks};
 pub(crate) use record::{Course, Heading, bounds, record};
 pub(crate) use start::Start;
 
+pub(crate) use warped::mirrors;
 use warped::optimize_warped;
 
 /// Relative distance below the largest K within which a tet counts as active.
 const ACTIVE: f64 = 1e-3;
 
-/// Rounds of refinement, and the ends of the edges halved in them.
-type Rounds = (RefinedFigures, Vec<[VertexId; 2]>);
+/// What untangling, optimization and refinement made of a start.
+struct Optimized {
+    untangled: Untangled,
+    /// How many tets of the start were flipped before any edge was halved.
+    flipped_before: usize,
+    /// How many edges were halved where tets resisted.
+    refinement_splits: usize,
+    outcome: Outcome,
+    refined: Option<RefinedFigures>,
+    /// The ends of the edges that refinement halved, in this order.
+    halved: Vec<[VertexId; 2]>,
+}
 
 /// Everything a run leaves behind.
 #[derive(Debug)]
@@ -193,10 +206,9 @@ fn stages(plan: &Plan, tell: &mut dyn FnMut(Event)) -> Result<Finished, RunError
         start => start?,
     };
     tell(Event::Stage(Stage::Optimizing));
-    let (untangled, refinement_splits, outcome, rounds) =
+    let Optimized { untangled, flipped_before, refinement_splits, outcome, refined, halved } =
         optimized(&mut start, plan, &mut |row| tell(Event::Row(row))).map_err(RunError::at(&start.origin.clone()))?;
     tell(Event::Stage(Stage::Measuring));
-    let (refined, halved) = rounds.unzip();
     let domain = &start.domain;
     // With the exponents arrived at, where corners have any.
     let measured_initial = start.measure(&start.image, cancel);
@@ -214,9 +226,8 @@ fn stages(plan: &Plan, tell: &mut dyn FnMut(Event)) -> Result<Finished, RunError
     tell(Event::Stage(Stage::Recording));
     let files = format!("{} and the files it names", shown_path(plan.source.path()));
     confront(&bounds, tets, &outcome.positions, &measured.summary, &files)?;
-    let flipped = measured_initial.summary.flipped;
     let course = Course {
-        untangling: UntanglingFigures::of(domain, flipped, &untangled, refinement_splits),
+        untangling: UntanglingFigures::of(domain, flipped_before, &untangled, refinement_splits),
         refined,
         stop: interrupted(cancel).unwrap_or(outcome.stop),
         kkt: outcome.kkt,
@@ -234,7 +245,6 @@ fn stages(plan: &Plan, tell: &mut dyn FnMut(Event)) -> Result<Finished, RunError
         trace_hash(&outcome.trace),
     );
     let active = measured.active(ACTIVE);
-    let halved = halved.unwrap_or_default();
     let Start { domain, image: initial, corners, units, .. } = start;
     Ok(Finished {
         report,
@@ -252,13 +262,8 @@ fn stages(plan: &Plan, tell: &mut dyn FnMut(Event)) -> Result<Finished, RunError
 }
 
 /// Untangles and optimizes the images of the vertices, and the exponents of corners if the plan leaves them open. The start is on the
-/// refined domain afterwards, where edges had to be halved; their number is the second that is returned, and the rounds that the plan
-/// asks for where K sits, with the edges halved in them, the last.
-fn optimized(
-    start: &mut Start,
-    plan: &Plan,
-    observe: &mut dyn FnMut(&TraceRow),
-) -> Result<(Untangled, usize, Outcome, Option<Rounds>), Fault> {
+/// refined domain afterwards, where edges were halved.
+fn optimized(start: &mut Start, plan: &Plan, observe: &mut dyn FnMut(&TraceRow)) -> Result<Optimized, Fault> {
     let settings = &plan.optimize;
     if start.corners.is_none() && !plan.symmetric && !plan.onto_ball {
         // One time limit for all that follows, and one polish at its end.
@@ -292,18 +297,22 @@ fn optimized(
             }
         }
         start.take_freed(&freed);
-        let (untangled, splits) = (freed.untangled, freed.refinement_splits);
-        let Some(refinement) = &plan.refine else { return Ok((untangled, splits, outcome, None)) };
+        let Freed { untangled, flipped_before, refinement_splits, .. } = freed;
+        let optimized =
+            Optimized { untangled, flipped_before, refinement_splits, outcome, refined: None, halved: Vec::new() };
+        let Some(refinement) = &plan.refine else { return Ok(optimized) };
         let (domain, image) = (start.domain.clone(), start.image.clone());
         let tets_before = domain.mesh().tets().len();
-        let map = refine(domain, image, outcome, settings, refinement, observe)?;
+        let map = refine(domain, image, optimized.outcome, settings, refinement, observe)?;
         (start.domain, start.image) = (map.domain, map.start);
-        let rounds = (RefinedFigures { tets_before, end: map.end, rounds: map.rounds }, map.halved);
-        return Ok((untangled, splits, map.outcome, Some(rounds)));
+        let RefinedMap { max_k_before, end, rounds, halved, outcome, .. } = map;
+        let refined = Some(RefinedFigures { tets_before, max_k_before, end, rounds });
+        return Ok(Optimized { outcome, refined, halved, ..optimized });
     }
+    let flipped_before = flipped_tets(&start.domain, &start.image).len();
     let (untangled, outcome, corners) = optimize_warped(start, plan, observe)?;
     start.corners = corners;
-    Ok((untangled, 0, outcome, None))
+    Ok(Optimized { untangled, flipped_before, refinement_splits: 0, outcome, refined: None, halved: Vec::new() })
 }
 
 /// The stop reason of a run that was interrupted at any stage: what was to follow is not whole.

@@ -12,7 +12,7 @@ use crate::measure::measure_onto_ball_until;
 use crate::mesh::io::{ReadError, read_tets, shown_path};
 use crate::mesh::{TetMesh, TetSoup, Unit, Vec3, full_boundary};
 use crate::optimize::{BoundaryValues, Freed, OptimizeSettings, Polish, Tangled, TraceRow};
-use crate::refine::{RefineSettings, refine};
+use crate::refine::{RefineSettings, RefinedMap, refine};
 use crate::report::{BallFigures, MapReport, RefinedFigures, Splits, Times, UntanglingFigures};
 
 /// A map given by two files: a mesh and the same mesh with moved vertices.
@@ -165,13 +165,14 @@ pub fn optimize_map(
     let refinement = refinement.filter(|_| fixed.is_none());
     let polish = if refinement.is_some() { Polish::None } else { settings.polish };
     let (freed, mut outcome) = tangled.free_and_optimize(&OptimizeSettings { polish, ..timed.clone() }, observe)?;
-    let Freed { mut domain, mut start, untangled, refinement_splits, .. } = freed;
+    let Freed { mut domain, mut start, untangled, flipped_before, refinement_splits, .. } = freed;
     let mut refined = None;
     if let Some(refinement) = refinement {
         let tets_before = domain.mesh().tets().len();
         let map = refine(domain, start, outcome, &timed, refinement, observe)?;
+        let RefinedMap { max_k_before, end, rounds, .. } = map;
         (domain, start, outcome) = (map.domain, map.start, map.outcome);
-        refined = Some(RefinedFigures { tets_before, end: map.end, rounds: map.rounds });
+        refined = Some(RefinedFigures { tets_before, max_k_before, end, rounds });
     }
     let fixed = fixed.unwrap_or_else(|| domain.boundary().vertex_mask().to_vec());
     let before = measure_onto_ball_until(&domain, &start, &settings.cancel);
@@ -185,7 +186,7 @@ pub fn optimize_map(
     confront(&bounds, &domain, &outcome.positions, &after.summary, "the files of the domain and of its image")?;
     bounds.iter_mut().for_each(|bound| bound.place = bound.place.take().map(|place| unit.give_back_place(place)));
     let course = Course {
-        untangling: UntanglingFigures::of(&domain, before.summary.flipped, &untangled, refinement_splits),
+        untangling: UntanglingFigures::of(&domain, flipped_before, &untangled, refinement_splits),
         refined,
         stop: interrupted(&settings.cancel).unwrap_or(outcome.stop),
         kkt: outcome.kkt,

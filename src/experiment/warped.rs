@@ -8,7 +8,7 @@ use crate::mesh::{BoundaryEdges, Features, Mirrors, TetId, Vec3, VertexId};
 use crate::optimize::{Outcome, StopReason, TraceRow, Untangled, Warped, untangle};
 
 /// The mirror planes of a start's domain, about its star centre, that its image keeps.
-pub(super) fn mirrors(start: &Start) -> Result<Mirrors, Fault> {
+pub(crate) fn mirrors(start: &Start) -> Result<Mirrors, Fault> {
     /// Of the radius, far above rounding.
     const NEAR: f64 = 1e-9;
     let (mesh, boundary) = (start.domain.mesh(), start.domain.boundary());

@@ -125,6 +125,8 @@ pub struct RefinedMap {
     pub outcome: Outcome,
     /// The ends of the edges that were halved, in this order.
     pub halved: Vec<[VertexId; 2]>,
+    /// The largest K before the first of them; `None` where the map was not settled.
+    pub max_k_before: Option<f64>,
     /// The rounds.
     pub rounds: Vec<Round>,
     /// Why there was no further one.
@@ -163,7 +165,8 @@ pub fn refine(
     let tets_before = domain.mesh().tets().len();
     let (budget, most) = (refinement.tets.of(tets_before), |added| tets_before.saturating_add(added));
     let (halved, rounds) = (Vec::new(), Vec::new());
-    let mut refined = RefinedMap { domain, start, outcome, halved, rounds, end: RefineEnd::NotSettled };
+    let mut refined =
+        RefinedMap { domain, start, outcome, halved, max_k_before: None, rounds, end: RefineEnd::NotSettled };
     if !matches!(refined.outcome.stop, StopReason::Optimal | StopReason::Converged | StopReason::NoProgress) {
         return Ok(refined);
     }
@@ -177,6 +180,7 @@ pub fn refine(
     // The map of least K so far; the outcome's is the soft maximum's.
     let mut best = refined.outcome.positions.clone();
     let mut reached = refined.max_k(&best);
+    refined.max_k_before = Some(reached);
     refined.end = loop {
         if reached <= bound * (1.0 + refinement.until) {
             break RefineEnd::BoundaryValues;

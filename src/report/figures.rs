@@ -197,7 +197,7 @@ impl Splits {
 /// How a start with flipped tets was untangled.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct UntanglingFigures {
-    /// Flipped tets of the start.
+    /// Flipped tets of the start, on the mesh before any edge was halved.
     pub flipped_before: usize,
     /// Newton steps of all vertices together, or sweeps of one step a vertex.
     pub iterations: usize,
@@ -239,6 +239,9 @@ impl UntanglingFigures {
 pub struct RefinedFigures {
     /// How many tets there were.
     pub tets_before: usize,
+    /// The largest K on them; `null` where the map was not settled.
+    #[serde(default)]
+    pub max_k_before: Option<f64>,
     /// Why there was no further round.
     pub end: RefineEnd,
     /// The rounds.

@@ -14,6 +14,8 @@ use crate::refine::RefineEnd;
 
 /// The final largest K over that of the start beyond which a reader is told: more than the polish may spend.
 const RISEN: f64 = 1.001;
+/// The largest K before refinement over that after it below which it counts as nothing gained: the polish may spend as much.
+const GAINED: f64 = 1.001;
 /// What may help tets that resist untangling.
 const REFINE: &str = "refine the mesh there";
 
@@ -159,25 +161,43 @@ fn splits_in_words(columns: usize, splits: Splits) -> String {
 
 /// What refinement where the largest K sits came to.
 fn refined_line(columns: usize, achieved: &Achieved) -> String {
-    let Some(RefinedFigures { tets_before, end, rounds }) = &achieved.refined else { return String::new() };
+    let Some(RefinedFigures { tets_before, max_k_before, end, rounds }) = &achieved.refined else {
+        return String::new();
+    };
     let why = match end {
         RefineEnd::BoundaryValues => "the boundary values allow hardly less, on any mesh inside",
-        RefineEnd::Budget => "the next round would add more tets than refine.tets allows",
-        RefineEnd::Rounds => "these were all that refine.rounds asks for",
-        RefineEnd::NoEdge => "no tet that holds K has an edge left to halve",
+        RefineEnd::Budget if rounds.is_empty() => "to halve a single edge adds more tets than are allowed",
+        RefineEnd::Budget => "the next round would add more tets than are allowed",
+        RefineEnd::Rounds => "these were all that were asked for",
+        RefineEnd::NoEdge => "no edge inside is left that gains anything where it is halved",
         RefineEnd::NotSettled => "the map was not settled",
     };
     let added = rounds.last().map_or(0, |round| round.tets - tets_before);
     let reached = match (rounds.first(), rounds.last()) {
         (Some(first), Some(last)) => {
-            format!(", max K {} after the first, {} after the last", number(first.max_k), number(last.max_k))
+            let before = max_k_before.map(|k| format!("{} before, ", number(k))).unwrap_or_default();
+            let [first, last] = [first.max_k, last.max_k].map(number);
+            let settled = number(achieved.last.max_k);
+            format!(", max K {before}{first} after the first, {last} after the last, {settled} once settled")
         }
         _ => String::new(),
     };
+    let gained = max_k_before.map_or(1.0, |before| before / achieved.last.max_k);
+    let nothing = match rounds.last() {
+        Some(_) if gained >= GAINED => "",
+        None => "",
+        Some(_) if added < achieved.active => "; they gained nothing: more tets hold the largest K than were added",
+        Some(_) => {
+            "; they gained nothing: halving edges inside does not change what holds the largest K, another surface mesh may"
+        }
+    };
     let share = percent(added as f64 / *tets_before as f64);
     let count = rounds.len();
-    let text =
-        format!("{count} round{} where K sits, {added} tet{} added ({share}){reached}; {why}", s(count), s(added));
+    let text = format!(
+        "{count} round{} where K sits, {added} tet{} added ({share}){reached}{nothing}; {why}",
+        s(count),
+        s(added)
+    );
     labelled(columns, "refined", &text)
 }
 

@@ -4,6 +4,7 @@ use crate::domain::Domain;
 use crate::measure::{bottleneck, measure};
 use crate::mesh::{TetId, TetMesh, Vec3, VertexId};
 use crate::optimize::{StopReason, TraceRow};
+use crate::refine::{RefineEnd, Round};
 use crate::solid::StarCentre;
 
 /// A corner of a cube split at an inner vertex, whose image is moved; `flip` moves it out.
@@ -281,4 +282,24 @@ fn the_summary_counts_bounds_that_do_not_apply_and_warns_of_a_largest_k_above_th
     // A start with flipped tets is above all.
     report.achieved.initial.max_k = f64::INFINITY;
     assert!(!summary(&report).contains("the largest K rose"));
+}
+
+#[test]
+fn the_summary_tells_what_refinement_came_to_and_where_it_gained_nothing() {
+    let (_, mut report) = write(false);
+    let max_k = report.achieved.last.max_k;
+    let round = |max_k| Round { edges: 1, tets: 6, max_k };
+    let mut told = |before: f64, rounds: Vec<Round>| {
+        let max_k_before = Some(before);
+        report.achieved.refined = Some(RefinedFigures { tets_before: 4, max_k_before, end: RefineEnd::Rounds, rounds });
+        summary(&report).split_whitespace().collect::<Vec<_>>().join(" ")
+    };
+    let text = told(2.0 * max_k, vec![round(1.8 * max_k), round(1.5 * max_k)]);
+    // What the rounds end at is not yet the final map.
+    let settled = format!("after the last, {} once settled", crate::dilatation::number(max_k));
+    assert!(text.contains("2 rounds where K sits, 2 tets added (50.00 %)") && text.contains(&settled), "{text}");
+    assert!(!text.contains("gained nothing"), "{text}");
+    let text = told(max_k, vec![round(max_k)]);
+    assert!(text.contains("they gained nothing: halving edges inside"), "{text}");
+    assert!(!told(max_k, Vec::new()).contains("gained nothing"));
 }

@@ -105,6 +105,18 @@ fn figures(
 ) {
     findings.begin("every figure, bound, gap and word of the report follows from the config and the two maps");
     let told = &files.report.achieved;
+    // Halves of a flipped tet are flipped. Of a mesh that was halved and not made again only that is known.
+    let flipped = before.summary.flipped;
+    let of_told = told.untangling.as_ref().map_or(0, |untangling| untangling.flipped_before);
+    let is_halved = !files.halved.is_empty() || told.untangling.as_ref().is_some_and(|u| u.refinement_splits > 0);
+    let flipped_before = match &again.unrefined {
+        Some(unrefined) => unrefined.flipped,
+        None if is_halved && (1..=flipped).contains(&of_told) => {
+            findings.trust("how many tets were flipped before edges were halved");
+            of_told
+        }
+        None => flipped,
+    };
     let untangled = Untangled {
         positions: Vec::new(),
         resisting: after.flipped.clone(),
@@ -114,7 +126,7 @@ fn figures(
     let course = Course {
         untangling: UntanglingFigures::of(
             &files.domain,
-            before.summary.flipped,
+            flipped_before,
             &untangled,
             told.untangling.as_ref().map_or(0, |untangling| untangling.refinement_splits),
         ),

@@ -163,7 +163,7 @@ fn rounds(files: &Files, findings: &mut Findings) {
         format!("the last round ended with {tets} tets, not {}", files.cells.len())
     });
     // Of the optimizer's own decompositions, as the rows of the trace.
-    let mut reached = f64::INFINITY;
+    let mut reached = refined.max_k_before.unwrap_or(f64::INFINITY);
     for (index, round) in refined.rounds.iter().enumerate() {
         findings.expect(round.max_k <= reached * (1.0 + SAME_ROUND), || {
             format!("K rises in round {index} of the refinement")

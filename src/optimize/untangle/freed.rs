@@ -1,6 +1,6 @@
 //! The stage between a start and its optimization: a map without flipped tets, or the tets that resist.
 
-use super::{Shapes, Untangled, refine_and_untangle, untangle, untangle_locally};
+use super::{Shapes, Untangled, flipped_tets, refine_and_untangle, untangle, untangle_locally};
 use crate::domain::Domain;
 use crate::mesh::Vec3;
 use crate::optimize::{
@@ -32,6 +32,8 @@ pub struct Freed {
     pub start: Vec<Vec3>,
     /// The map.
     pub untangled: Untangled,
+    /// How many tets of the domain that was given the start flips.
+    pub flipped_before: usize,
     /// How many edges were halved.
     pub refinement_splits: usize,
     /// Whether this is from the second start.
@@ -74,11 +76,10 @@ impl Tangled<'_> {
             }
         }
         let Attempt { refined, untangled, refinement_splits, is_second } = best;
-        let (domain, start) = match refined {
-            Some(refined) => refined,
-            None => (self.domain, if is_second { self.second.unwrap_or(self.start) } else { self.start }),
-        };
-        Ok(Freed { domain, start, untangled, refinement_splits, is_second })
+        let start = if is_second { self.second.unwrap_or(self.start) } else { self.start };
+        let flipped_before = flipped_tets(&self.domain, &start).len();
+        let (domain, start) = refined.unwrap_or((self.domain, start));
+        Ok(Freed { domain, start, untangled, flipped_before, refinement_splits, is_second })
     }
 
     fn attempt(
