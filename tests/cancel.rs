@@ -42,6 +42,7 @@ fn untangling_ends_at_the_time_limit_of_the_optimization_and_when_it_is_cancelle
             exchanged: 0,
             units: Default::default(),
             kept: Vec::new(),
+            cell_data: Vec::new(),
             notes: Vec::new(),
         };
         let optimized = optimize_map(map, None, false, &settings, None, &mut |_| {}).unwrap();

@@ -88,6 +88,7 @@ fn optimize_gives_what_run_gives_from_the_same_start() {
         exchanged: 0,
         units: Default::default(),
         kept: Vec::new(),
+        cell_data: Vec::new(),
         notes: Vec::new(),
     };
     let locks = finished.domain.boundary().vertex_mask().to_vec();

@@ -15,7 +15,7 @@ use crate::experiment::GivenMap;
 use crate::map::{Corners, Evaluator, EvaluatorError, Located, Onto, bijectivity};
 use crate::measure::{measure, measure_elements};
 use crate::mesh::io::{
-    DataArray, Values, check_points_can_be_written, read_points_under, read_tet_file, shown_path, write_vtu,
+    DataArray, Values, check_points_can_be_written, read_points_under, shown_path, write_vtu,
 };
 use crate::mesh::{MeshError, TopologyError, Unit, Vec3};
 use crate::report::read_corners;
@@ -96,8 +96,7 @@ pub(super) fn evaluate(arguments: &EvaluateArguments) -> Result<Ending, Failure>
         Target::Polyhedron => Onto::Polyhedron,
         Target::Ball => Onto::Ball,
     };
-    let data = read_tet_file(&domain)?.cell_data;
-    let corners = read_corners(folder, &map.domain, &data)
+    let corners = read_corners(folder, &map.domain, &map.cell_data)
         .map_err(|message| EvaluateFailure::Corners { folder: folder.clone(), message })?;
     let Some(table) = table else {
         return write_refined(folder, &map, corners.as_ref(), refine.unwrap_or(1), &refined);

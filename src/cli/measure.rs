@@ -18,7 +18,7 @@ use crate::experiment::{GivenMap, RunError};
 use crate::measure::{BallDilatation, Summary, measure_onto_ball};
 use crate::mesh::io::shown_path;
 use crate::report::{
-    BallFigures, BestBound, CORNERS, Limit, ball_lines, best_and_limit, bounds_list, dilatations, to_json,
+    BallFigures, BestBound, CONE, CORNERS, Limit, ball_lines, best_and_limit, bounds_list, dilatations, to_json,
     write_certificate,
 };
 
@@ -121,11 +121,13 @@ impl Estimated {
 }
 
 /// Tells of corners that the meshes by themselves do not have.
-fn note_powers(rest: &Path) {
-    if rest.with_file_name(CORNERS).is_file() {
+fn note_powers(rest: &Path, map: &GivenMap) {
+    let beside = rest.with_file_name(CORNERS).is_file();
+    if beside || map.cell_data.iter().any(|(name, _)| name == CONE) {
+        let source = if beside { format!("the {CORNERS} beside it") } else { format!("its cell data {CONE:?}") };
         note(&format!(
-            "{} has powers at corners, by the {CORNERS} beside it: these figures are of the piecewise-linear map without them; \
-             those with them are in the report, and `qcball verify` measures them anew",
+            "{} has powers at corners, by {source}: these figures are of the piecewise-linear map without them; \
+             those with them are in the report of its run, and `qcball verify` measures them anew",
             shown_path(rest)
         ));
     }
@@ -134,7 +136,7 @@ fn note_powers(rest: &Path) {
 /// `qcball measure`.
 pub(super) fn measure_map(arguments: &MeasureArguments) -> Result<Ending, Failure> {
     let map = read_map(&arguments.map.rest, &arguments.map.image)?;
-    note_powers(&arguments.map.rest);
+    note_powers(&arguments.map.rest, &map);
     let estimated = arguments.estimator.map(|estimator| Estimated::of(&map, estimator, arguments.weights));
     let GivenMap { domain, image, .. } = map;
     let measured = measure_onto_ball(&domain, &image);
@@ -174,8 +176,9 @@ pub(super) fn bound_map(arguments: &BoundArguments) -> Result<Ending, Failure> {
     if let Some(path) = &arguments.certificate {
         refuse_to_write_over([rest, image], [path])?;
     }
-    let GivenMap { domain, image, units: [unit, _], .. } = read_map(rest, image)?;
-    note_powers(rest);
+    let map = read_map(rest, image)?;
+    note_powers(rest, &map);
+    let GivenMap { domain, image, units: [unit, _], .. } = map;
     let cancel = cancel_on_signal();
     let summary = measure_onto_ball(&domain, &image).summary;
     let max_k = summary.max_k;

@@ -69,7 +69,7 @@ pub struct Config {
 
 /// The table `[domain]`: exactly one of `solid` and `file`, and what the solid needs.
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
+#[serde(deny_unknown_fields, default, expecting = "the table [domain]")]
 pub struct DomainTable {
     /// A built-in solid. Exactly one of `solid` and `file` must be given.
     pub solid: Option<SolidName>,
@@ -144,7 +144,7 @@ pub enum CentreName {
 
 /// The table `[mesh]`.
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
+#[serde(deny_unknown_fields, default, expecting = "the table [mesh]")]
 pub struct MeshTable {
     /// The mesher. Default: "auto", which is "shell", cones over the surface triangles cut into layers, where the solid is
     /// star-shaped, else TetGen where it is installed, else Gmsh; each takes its own keys. "flag": a polyhedron cut into cones
@@ -227,7 +227,7 @@ pub enum MeshKind {
 
 /// The table `[boundary]`.
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
+#[serde(deny_unknown_fields, default, expecting = "the table [boundary]")]
 pub struct BoundaryTable {
     /// Whether the vertices of the boundary stay where the start has them on the sphere, "fixed" (the default), or may move on
     /// it, "sliding", which takes the engine "newton".
@@ -236,8 +236,8 @@ pub struct BoundaryTable {
     /// where one vertex is the apex over several boundary faces, which limits K where the boundary is fixed: 2.5 times as many
     /// tets lowered the mean K of animals by a third. Given meshes, tetgen and gmsh. Default: 0, none.
     pub collar: f64,
-    /// How the map behaves at the corners of the solid. Default: "linear", piecewise linear as everywhere. A number p > 0: like r^p of
-    /// the distance r, with that exponent at every corner; "power": with the exponents that make the largest K least, found by a
+    /// How the map behaves at the corners of the solid. Default: "linear", piecewise linear as everywhere. A number p from 0.05 to
+    /// 50: like r^p of the distance r, with that exponent at every corner; "power": with the exponents that make the largest K least, found by a
     /// search, which takes several optimizations. A corner of a flag mesh has the cones of its flags for this, one of another mesh the
     /// tets around it; edges that join two corners are halved first.
     pub corners: Option<CornersValue>,
@@ -269,7 +269,7 @@ pub enum CornersName {
 
 /// The table `[map]`.
 #[derive(Clone, Debug, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
+#[serde(deny_unknown_fields, default, expecting = "the table [map]")]
 pub struct MapTable {
     /// The map to start from. Default: "auto", which is "radial", Caraman's, where the solid is star-shaped, else "spherical":
     /// the boundary by progressive embedding and the inside in balance, for any solid that is a ball. "farthest" takes the
@@ -351,7 +351,7 @@ pub enum MapKind {
 
 /// The table `[optimize]`.
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
+#[serde(deny_unknown_fields, default, expecting = "the table [optimize]")]
 pub struct OptimizeTable {
     /// What is made small. Default: "max", the largest K of any tetrahedron.
     pub objective: ObjectiveName,
@@ -390,7 +390,7 @@ pub struct OptimizeTable {
 
 /// The table `[bounds]`.
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
+#[serde(deny_unknown_fields, default, expecting = "the table [bounds]")]
 pub struct BoundsTable {
     /// Search for a Gram certificate, the strongest bound for the mesh with its boundary, which takes some seconds; it goes to
     /// certificate.json. Default: false.

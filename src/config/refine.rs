@@ -16,7 +16,7 @@ const MOST_TETS: i64 = 1_000_000_000;
 /// The table `[refine]`: rounds in which edges are halved inside, where K is large, before the largest K is settled again. The
 /// surface stays as it is, and so do the values there.
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
+#[serde(deny_unknown_fields, default, expecting = "the table [refine]")]
 pub struct RefineTable {
     /// Most rounds, at least 0; each may add an equal part of the tets. Default: 8, which are enough, where this table has another
     /// key, else 0: no refinement.

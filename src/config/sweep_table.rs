@@ -7,7 +7,7 @@ use serde::Deserialize;
 
 /// The table `[sweep]`: the cases of `qcball sweep`. At least one key must be varied.
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
+#[serde(deny_unknown_fields, default, expecting = "the table [sweep]")]
 pub struct SweepTable {
     /// The surface and mesh files to be mapped one after the other: a pattern such as "parts/*.stl", relative to the config file. They
     /// vary slowest of all.

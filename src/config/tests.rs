@@ -280,6 +280,7 @@ fn faults_name_line_key_and_remedy() {
         ("threads = -1\n[domain]\nsolid = \"cube\"", &["case.toml:1: `threads` is -1"]),
         ("name = \"../up\"\n[domain]\nsolid = \"cube\"", &["case.toml:1: the name \"../up\""]),
         ("name = \"\"\n[domain]\nsolid = \"cube\"", &["case.toml:1: the name \"\""]),
+        ("boundary = 1\n[domain]\nsolid = \"cube\"", &["case.toml:1: `boundary`", "the table [boundary]"]),
         ("[domain\nsolid = \"cube\"", &["case.toml:1: "]),
         ("[domain]\nsolid = \"cube\"\nsolid = \"ball\"", &["case.toml:3: ", "duplicate key"]),
     ];

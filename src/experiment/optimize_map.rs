@@ -9,7 +9,7 @@ use super::record::Course;
 use crate::bound::{self, confront};
 use crate::domain::Domain;
 use crate::measure::measure_onto_ball_until;
-use crate::mesh::io::{ReadError, read_tets, shown_path};
+use crate::mesh::io::{CellData, ReadError, TetFile, read_tet_file, read_tets, shown_path};
 use crate::mesh::{TetMesh, TetSoup, Unit, Vec3, full_boundary};
 use crate::optimize::{BoundaryValues, Freed, OptimizeSettings, Polish, Tangled, TraceRow};
 use crate::refine::{RefineSettings, RefinedMap, refine};
@@ -28,6 +28,8 @@ pub struct GivenMap {
     pub units: [Unit; 2],
     /// Which vertices of the files are those of the domain, in their order; the others belong to no tet.
     pub kept: Vec<bool>,
+    /// The scalar arrays on the tets of the domain's file, as they stand there.
+    pub cell_data: CellData,
     /// What was done to the domain's file that nobody asked for, a sentence each without its full stop.
     pub notes: Vec<String>,
 }
@@ -39,7 +41,7 @@ impl GivenMap {
     /// # Errors
     /// A file that cannot be read, meshes of different connectivity, or a domain with a flat tet.
     pub fn read(rest: &Path, image: &Path) -> Result<Self, RunError> {
-        let [first, second] = [read_tets(rest)?, read_tets(image)?];
+        let (TetFile { soup: first, cell_data, .. }, second) = (read_tet_file(rest)?, read_tets(image)?);
         if let Some(difference) = difference(&first, &second) {
             return Err(RunError::Mismatch { rest: rest.into(), image: image.into(), difference });
         }
@@ -54,7 +56,7 @@ impl GivenMap {
         let (mesh, exchanged) =
             TetMesh::from_either_orientation(first.points, first.tets).map_err(RunError::at(&origin))?;
         let domain = Domain::any_topology(mesh).map_err(RunError::at(&origin))?;
-        Ok(Self { domain, image: second.points, exchanged, units, kept, notes: first.notes })
+        Ok(Self { domain, image: second.points, exchanged, units, kept, cell_data, notes: first.notes })
     }
 }
 

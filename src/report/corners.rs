@@ -12,7 +12,7 @@ use crate::mesh::io::CellData;
 /// The file with a row a cone.
 pub(crate) const CORNERS: &str = "corners.csv";
 /// The name of the array with the cone of each tet, -1 for a tet in none.
-pub(super) const CONE: &str = "cone";
+pub(crate) const CONE: &str = "cone";
 
 /// One line of `corners.csv`: the warp of a cone with its apex at the vertex `corner` and three vertices of its base. All
 /// count from 0.

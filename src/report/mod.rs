@@ -12,7 +12,7 @@ mod summary;
 mod words;
 
 pub use achieved::{Achieved, MapReport};
-pub(crate) use corners::{CORNERS, read_corners};
+pub(crate) use corners::{CONE, CORNERS, read_corners};
 pub use figures::{
     BallFigures, BestBound, CornerFigures, DistortionFigures, DomainFigures, MapFigures, RefinedFigures,
     RefinementFigures, Splits, UntanglingFigures,
