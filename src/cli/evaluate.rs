@@ -14,9 +14,7 @@ use crate::domain::Domain;
 use crate::experiment::GivenMap;
 use crate::map::{Corners, Evaluator, EvaluatorError, Located, Onto, bijectivity};
 use crate::measure::{measure, measure_elements};
-use crate::mesh::io::{
-    DataArray, Values, check_points_can_be_written, read_points_under, shown_path, write_vtu,
-};
+use crate::mesh::io::{DataArray, Values, check_points_can_be_written, read_points_under, shown_path, write_vtu};
 use crate::mesh::{MeshError, TopologyError, Unit, Vec3};
 use crate::report::read_corners;
 use crate::solid::MOST_TETS;

@@ -283,17 +283,19 @@ fn optimized(start: &mut Start, plan: &Plan, observe: &mut dyn FnMut(&TraceRow))
             tangled.free_and_optimize(&first, observe)
         };
         let (mut freed, mut outcome) = free_and_optimize(start, observe)?;
-        let resisting = freed.untangled.resisting.len();
-        if resisting > 0
-            && outcome.stop == StopReason::StillFlipped
-            && settings.max_iterations > 0
-            && let Some(spherical) = start.in_spherical()
-        {
-            let (mut other, of_other) = free_and_optimize(&spherical, observe)?;
+        let mut last = start.clone();
+        for next in [Start::in_spherical, Start::over_collar] {
+            let resisting = freed.untangled.resisting.len();
+            if resisting == 0 || outcome.stop != StopReason::StillFlipped || settings.max_iterations == 0 {
+                break;
+            }
+            let Some(next) = next(&last) else { continue };
+            last = next;
+            let (mut other, of_other) = free_and_optimize(&last, observe)?;
             if other.untangled.resisting.len() < resisting {
                 other.untangled.iterations += freed.untangled.iterations;
                 other.untangled.seconds += freed.untangled.seconds;
-                (*start, freed, outcome) = (spherical, other, of_other);
+                (*start, freed, outcome) = (last.clone(), other, of_other);
             }
         }
         start.take_freed(&freed);

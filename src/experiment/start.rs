@@ -1,5 +1,7 @@
 //! The first half of a run: from what the plan names to a domain and the map to start from.
 
+mod instead;
+
 use std::path::Path;
 
 use super::corners::{Flags, corners};
@@ -15,7 +17,6 @@ use crate::map::{AnalyticMap, Corners, RadialCoordinates, RayEnd, caraman, spher
 use crate::measure::{Measured, measure_onto_ball_until, measure_warped_onto_ball};
 use crate::mesh::io::{ReadError, SolidFile, read_solid, read_surface, shown_path};
 use crate::mesh::{Orientation, PolygonSoup, Subdivision, TetMesh, TetSoup, Unit, Vec3, VertexId, orientation};
-use crate::optimize::Freed;
 use crate::report::{MapFigures, RefinementFigures, Splits};
 use crate::solid::{
     CentreError, ExternalSettings, KernelError, Refinement, ShellSettings, StarCentre, Surface, best_radial_exponent,
@@ -41,6 +42,8 @@ pub(crate) struct Start {
     pub second: Option<Vec<Vec3>>,
     /// Whether a spherical start may take the place of this radial one, where its tets resist untangling.
     pub may_be_spherical: bool,
+    /// Whether one over a collar may take the place of a spherical one, likewise.
+    pub may_have_collar: bool,
     pub map: MapFigures,
     /// How the surface was refined, if that was left to the program.
     pub refinement: Option<RefinementFigures>,
@@ -56,10 +59,6 @@ pub(crate) struct Start {
 }
 
 impl Start {
-    const FIRST: &str = "spherical, hyperbolic harmonic inside";
-    /// The map of the second positions, in words.
-    const SECOND: &str = "spherical, harmonic inside";
-
     pub fn of(plan: &Plan) -> Result<Self, RunError> {
         Self::without_corners(plan)?.with_corners(plan)
     }
@@ -265,7 +264,23 @@ impl Start {
 
     /// Frees a mesh's locked tets, parts its corners and maps its vertices.
     fn of_domain(domain: Domain, surface: &Surface, plan: &Plan, unit: Unit) -> Result<Self, Fault> {
-        let (domain, splits) = freed(domain, plan)?;
+        let may_have_collar = plan.collar == 0.0
+            && !plan.keep_mesh
+            && !matches!(plan.mesh, MeshPlan::Flag(_))
+            && match &plan.map {
+                InitialMap::Auto { .. } => true,
+                InitialMap::Spherical { weights } => *weights == SphereSettings::default(),
+                _ => false,
+            };
+        Ok(Self { may_have_collar, ..Self::of_freed(freed(domain, plan)?, surface, plan, unit)? })
+    }
+
+    fn of_freed(
+        (domain, splits): (Domain, Option<Splits>),
+        surface: &Surface,
+        plan: &Plan,
+        unit: Unit,
+    ) -> Result<Self, Fault> {
         let (position, centre, end) = match (&plan.map, plan.centre.point(surface)) {
             (InitialMap::Formula(map), _) => return Ok(Self { splits, ..Self::of_formula(domain, map, unit)? }),
             // The plan allows "farthest" only with a rule that names a point for any solid.
@@ -355,6 +370,7 @@ impl Start {
             image,
             second: None,
             may_be_spherical: false,
+            may_have_collar: false,
             map,
             refinement: None,
             splits: None,
@@ -362,15 +378,6 @@ impl Start {
             corners: None,
             symmetric: false,
             warnings: Vec::new(),
-        }
-    }
-
-    /// Takes over what untangling did, which may have refined the domain and gone back to the second positions.
-    pub fn take_freed(&mut self, freed: &Freed) {
-        self.domain = freed.domain.clone();
-        self.image.clone_from(&freed.start);
-        if freed.is_second {
-            self.map.map = Self::SECOND.into();
         }
     }
 
@@ -387,34 +394,6 @@ impl Start {
         let mesh = subdivision.mesh().map_err(|error| error.to_string())?;
         let domain = Domain::new(mesh).map_err(|error| error.to_string())?;
         Ok(Self { domain, image: subdivision.extend(self.image), ..self })
-    }
-
-    /// The same domain with a spherical start, if one may take this one's place and the boundary has a map onto the sphere.
-    pub fn in_spherical(&self) -> Option<Self> {
-        let sphere =
-            self.may_be_spherical.then(|| Self::of_sphere(self.domain.clone(), &SphereSettings::default()).ok())??;
-        let mut warnings = self.warnings.clone();
-        warnings.push(
-            "the solid is star-shaped, but tets of the radial start resisted untangling: the map started from is the spherical one"
-                .into(),
-        );
-        let Self { image, second, map, .. } = sphere;
-        Some(Self { image, second, map, warnings, centre: None, may_be_spherical: false, ..self.clone() })
-    }
-
-    /// The same from the spherical start or from the second positions, if that is what the words for the map say.
-    pub fn told_by(mut self, map: &str) -> Self {
-        if [Self::FIRST, Self::SECOND].contains(&map)
-            && let Some(spherical) = self.in_spherical()
-        {
-            self = spherical;
-        }
-        if map == Self::SECOND
-            && let Some(second) = self.second.take()
-        {
-            (self.image, self.map.map) = (second, map.into());
-        }
-        self
     }
 
     /// A map in closed form, of the vertices as they were given.

@@ -265,6 +265,7 @@ fn told(files: &Files) -> Start {
         image: files.start.clone(),
         second: None,
         may_be_spherical: false,
+        may_have_collar: false,
         map: report.map.clone(),
         refinement: report.refinement,
         splits: report.achieved.splits,

@@ -1,0 +1,83 @@
+//! What takes the place of a start whose tets resist untangling.
+
+use super::Start;
+use crate::domain::Domain;
+use crate::mesh::collar;
+use crate::optimize::Freed;
+use crate::report::Splits;
+use crate::sphere::SphereSettings;
+
+impl Start {
+    /// The map of the first positions of a spherical start, in words.
+    pub(super) const FIRST: &str = "spherical, hyperbolic harmonic inside";
+    /// The map of the second positions, in words.
+    pub(super) const SECOND: &str = "spherical, harmonic inside";
+    /// What either adds where it is over a collar.
+    const COLLAR: &str = ", areas weighed too, over a collar";
+    /// Weight of the areas in the boundary map over a collar. A heart of 610 tets, 14 vertices of them inside, keeps flipped tets with 0 and any
+    /// collar, and with 0.03 to 0.5 and none; with this and collars of a half on it has none.
+    const AREA_WEIGHT: f64 = 0.2;
+
+    /// Takes over what untangling did, which may have refined the domain and gone back to the second positions.
+    pub fn take_freed(&mut self, freed: &Freed) {
+        self.domain = freed.domain.clone();
+        self.image.clone_from(&freed.start);
+        if freed.is_second {
+            self.map.map = self.map.map.replace(Self::FIRST, Self::SECOND);
+        }
+    }
+
+    /// The same domain with a spherical start, if one may take this one's place and the boundary has a map onto the sphere.
+    pub fn in_spherical(&self) -> Option<Self> {
+        let sphere =
+            self.may_be_spherical.then(|| Self::of_sphere(self.domain.clone(), &SphereSettings::default()).ok())??;
+        let mut warnings = self.warnings.clone();
+        warnings.push(
+            "the solid is star-shaped, but tets of the radial start resisted untangling: the map started from is the spherical one"
+                .into(),
+        );
+        let Self { image, second, map, .. } = sphere;
+        Some(Self { image, second, map, warnings, centre: None, may_be_spherical: false, ..self.clone() })
+    }
+
+    /// The spherical start over a collar of as many tets again, with areas weighed in its boundary map, if it may take the place of this one.
+    pub fn over_collar(&self) -> Option<Self> {
+        let (mesh, boundary) = (self.domain.mesh(), self.domain.boundary());
+        let tets_before = mesh.tets().len();
+        let collar = self.may_have_collar.then(|| collar(mesh, boundary, 2 * tets_before))?;
+        let domain = Domain::new(collar.mesh().ok()?).ok()?;
+        let weights = SphereSettings { area_weight: Self::AREA_WEIGHT, ..SphereSettings::default() };
+        let Self { domain, image, second, mut map, .. } = Self::of_sphere(domain, &weights).ok()?;
+        map.map.push_str(Self::COLLAR);
+        let before = self.splits.unwrap_or(Splits { tets_before, ..Splits::default() });
+        let splits = Some(Splits { collar: collar.edge_splits(), ..before });
+        let mut warnings = self.warnings.clone();
+        warnings.push(format!(
+            "tets of the start resisted untangling: it was made again over a collar, with areas weighed in the boundary map, as by \
+             boundary.collar = 1 and map.area_weight = {}",
+            Self::AREA_WEIGHT
+        ));
+        Some(Self { domain, image, second, map, splits, warnings, may_have_collar: false, ..self.clone() })
+    }
+
+    /// The same from the spherical start, from that over a collar or from the second positions, if that is what the words for the map say.
+    pub fn told_by(mut self, map: &str) -> Self {
+        let of_sphere = map.strip_suffix(Self::COLLAR).unwrap_or(map);
+        if [Self::FIRST, Self::SECOND].contains(&of_sphere)
+            && let Some(spherical) = self.in_spherical()
+        {
+            self = spherical;
+        }
+        if of_sphere != map
+            && let Some(over_collar) = self.over_collar()
+        {
+            self = over_collar;
+        }
+        if of_sphere == Self::SECOND
+            && let Some(second) = self.second.take()
+        {
+            (self.image, self.map.map) = (second, map.into());
+        }
+        self
+    }
+}
