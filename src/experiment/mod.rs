@@ -283,20 +283,20 @@ fn optimized(start: &mut Start, plan: &Plan, observe: &mut dyn FnMut(&TraceRow))
             tangled.free_and_optimize(&first, observe)
         };
         let (mut freed, mut outcome) = free_and_optimize(start, observe)?;
-        let mut last = start.clone();
+        let mut last: Option<Start> = None;
         for next in [Start::in_spherical, Start::over_collar] {
             let resisting = freed.untangled.resisting.len();
             if resisting == 0 || outcome.stop != StopReason::StillFlipped || settings.max_iterations == 0 {
                 break;
             }
-            let Some(next) = next(&last) else { continue };
-            last = next;
-            let (mut other, of_other) = free_and_optimize(&last, observe)?;
+            let Some(next) = next(last.as_ref().unwrap_or(start)) else { continue };
+            let (mut other, of_other) = free_and_optimize(&next, observe)?;
             if other.untangled.resisting.len() < resisting {
                 other.untangled.iterations += freed.untangled.iterations;
                 other.untangled.seconds += freed.untangled.seconds;
-                (*start, freed, outcome) = (last.clone(), other, of_other);
+                (*start, freed, outcome) = (next.clone(), other, of_other);
             }
+            last = Some(next);
         }
         start.take_freed(&freed);
         let Freed { untangled, flipped_before, refinement_splits, .. } = freed;
