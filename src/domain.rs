@@ -18,6 +18,47 @@ pub(crate) struct Shear {
     pub at: VertexId,
 }
 
+/// What follows the Jacobian J R of an element: L, so that the whole is L J R, and to first order what becomes of L where the corners move.
+#[derive(Clone, Debug)]
+pub(crate) struct Afterwards {
+    /// L.
+    pub left: Mat3,
+    /// What is added; `None` for nothing.
+    pub turning: Option<Box<Turning>>,
+}
+
+/// A matrix linear in how far the corners of a tet have moved.
+#[derive(Clone, Debug)]
+pub(crate) struct Turning {
+    /// Where it is 0.
+    pub from: [Vec3; 4],
+    /// The derivative with respect to each coordinate of each corner.
+    pub change: [[Mat3; 3]; 4],
+}
+
+impl Afterwards {
+    /// Nothing.
+    pub fn nothing() -> Self {
+        Self { left: Mat3::identity(), turning: None }
+    }
+
+    /// The whole, for a Jacobian with these positions of the tet's corners.
+    pub fn after(&self, jacobian: Mat3, corners: &[Vec3; 4]) -> Mat3 {
+        let Self { left, turning } = self;
+        turning.as_ref().map_or(left * jacobian, |turning| left * jacobian + turning.at(corners))
+    }
+}
+
+impl Turning {
+    fn at(&self, corners: &[Vec3; 4]) -> Mat3 {
+        let of_corner = |((change, from), to): ((&[Mat3; 3], &Vec3), &Vec3)| {
+            let moved = to - from;
+            change[0] * moved.x + change[1] * moved.y + change[2] * moved.z
+        };
+        self.change.iter().zip(&self.from).zip(corners).map(of_corner).sum()
+    }
+}
+
 /// A tetrahedral mesh of a topological ball with what every stage needs of it; images are positions on its connectivity.
 #[derive(Clone, Debug)]
 pub struct Domain {
@@ -25,8 +66,8 @@ pub struct Domain {
     boundary: Boundary,
     inverse_edges: Vec<Mat3>,
     volumes: Vec<f64>,
-    /// What each tet's Jacobian is multiplied by from the left; empty for nothing.
-    afterwards: Vec<Mat3>,
+    /// What follows each tet's Jacobian; empty for nothing.
+    afterwards: Vec<Afterwards>,
     /// What each tet's reference matrix is that of the mesh times; empty for nothing.
     shears: Vec<Option<Shear>>,
 }
@@ -92,12 +133,12 @@ impl Domain {
         (domain, owners)
     }
 
-    /// The same with a pair of factors R and L for each of a tet's elements, for maps whose Jacobians on a tet are L J R. No tet has
+    /// The same with a factor R and what follows it for each of a tet's elements, for maps whose Jacobians on a tet are L J R. No tet has
     /// none.
-    pub(crate) fn with_factors_on_both_sides(&self, factors: &[Vec<[Mat3; 2]>]) -> Self {
-        let (domain, _) = self.with_factors(|tet| factors[tet.index()].iter().map(|[right, _]| *right).collect());
-        let first = factors.iter().map(|of_tet| of_tet[0][1]);
-        let further = factors.iter().flat_map(|of_tet| of_tet[1..].iter().map(|[_, left]| *left));
+    pub(crate) fn with_factors_on_both_sides(&self, factors: &[Vec<(Mat3, Afterwards)>]) -> Self {
+        let (domain, _) = self.with_factors(|tet| factors[tet.index()].iter().map(|(right, _)| *right).collect());
+        let first = factors.iter().map(|of_tet| of_tet[0].1.clone());
+        let further = factors.iter().flat_map(|of_tet| of_tet[1..].iter().map(|(_, after)| after.clone()));
         Self { afterwards: first.chain(further).collect(), ..domain }
     }
 
@@ -114,7 +155,7 @@ impl Domain {
             boundary: Boundary::none(vertices.len()),
             inverse_edges: tets.iter().map(|tet| self.inverse_edges[tet.index()]).collect(),
             volumes: tets.iter().map(|tet| self.volumes[tet.index()]).collect(),
-            afterwards: tets.iter().filter_map(|tet| self.afterwards.get(tet.index()).copied()).collect(),
+            afterwards: tets.iter().filter_map(|tet| self.afterwards.get(tet.index()).cloned()).collect(),
             shears: tets.iter().filter_map(|tet| self.shears.get(tet.index()).copied()).collect(),
         }
     }
@@ -155,11 +196,11 @@ impl Domain {
     pub fn jacobian(&self, tet: TetId, image: &[Vec3]) -> Mat3 {
         let corners = self.mesh.tets()[tet.index()].map(|v: VertexId| image[v.index()]);
         let jacobian = edge_matrix(corners) * self.inverse_edges[tet.index()];
-        self.afterwards(tet).map_or(jacobian, |left| left * jacobian)
+        self.afterwards(tet).map_or(jacobian, |afterwards| afterwards.after(jacobian, &corners))
     }
 
-    /// The matrix that the Jacobian of a tet was multiplied by from the left, if any was.
-    pub(crate) fn afterwards(&self, tet: TetId) -> Option<&Mat3> {
+    /// What follows the Jacobian of a tet, if anything.
+    pub(crate) fn afterwards(&self, tet: TetId) -> Option<&Afterwards> {
         self.afterwards.get(tet.index())
     }
 

@@ -63,7 +63,7 @@ use cones::{Cone, Cones};
 use enclosure::{ExactWarp, TetMap};
 use pieces::WarpedTet;
 use polygon::{Polygon, Shadow};
-pub(crate) use samples::OntoBall;
+pub(crate) use samples::{Factor, OntoBall};
 
 /// The largest K of a map onto the ball, between two numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::element::{ElementDerivatives, centred_logs, gradient_before, gradient_from};
+use super::element::{ElementDerivatives, centred_logs, gradient_from};
 use super::gather::{Gather, edges, positions_in, put_block, split_columns};
 use super::opening::{change_of_distance, opening};
 use super::unknowns::Tangent;
@@ -239,10 +239,8 @@ impl<'d> Assembly<'d> {
                 .map(|(at, ((element, gradient), decomposition))| {
                     let tet = first + at;
                     let Some(spectrum) = energy.spectrum(tet, decomposition.values, negative) else { return false };
-                    element.fill(decomposition, &spectrum, &inverse_edges[tet]);
-                    if let Some(left) = domain.afterwards(TetId(tet as u32)) {
-                        element.before(left);
-                    }
+                    let afterwards = domain.afterwards(TetId(tet as u32));
+                    element.fill_before(decomposition, &spectrum, &inverse_edges[tet], afterwards);
                     *gradient = element.gradient;
                     true
                 })
@@ -410,8 +408,8 @@ impl<'d> Assembly<'d> {
             .enumerate()
             .with_min_len(CHUNK)
             .map(|(t, (decomposition, inverse_edges))| {
-                let gradient = gradient_from(decomposition, slope(t, decomposition.values)?, inverse_edges);
-                Some(gradient_before(gradient, self.domain.afterwards(TetId(t as u32))))
+                let afterwards = self.domain.afterwards(TetId(t as u32));
+                Some(gradient_from(decomposition, slope(t, decomposition.values)?, inverse_edges, afterwards))
             })
             .collect();
         let elements: Vec<[Vec3; 4]> = elements.into_iter().collect::<Option<_>>()?;

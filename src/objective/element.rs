@@ -4,6 +4,7 @@
 //! (Smith, de Goes, Kim 2019, "Analytic eigensystems for isotropic distortion energies", ACM TOG 38(1)): one 3x3 block
 //! for the scalings and, for each pair of axes, one "twist" and one "flip" mode.
 
+use crate::domain::{Afterwards, Turning};
 use crate::linalg::Svd;
 use crate::mesh::{Mat3, Vec3};
 
@@ -115,26 +116,90 @@ impl ElementDerivatives {
         let b03 = -(b13 + b23 + b33);
         let b00 = -(b01 + b02 + b03);
         self.hessian = [b00, b01, b02, b03, b11, b12, b13, b22, b23, b33];
-        self.gradient = gradient_from(decomposition, spectrum.slope, inverse_edges);
+        self.gradient = gradient_from(decomposition, spectrum.slope, inverse_edges, None);
     }
 }
 
 impl ElementDerivatives {
-    /// Turns the derivatives of an energy of L J into those of the energy of J.
-    pub(super) fn before(&mut self, left: &Mat3) {
-        self.gradient = gradient_before(self.gradient, Some(left));
-        self.hessian = self.hessian.map(|block| left.transpose() * block * left);
+    /// The same where something follows the Jacobian: `decomposition` is that of the whole.
+    pub(super) fn fill_before(
+        &mut self,
+        decomposition: &Svd,
+        spectrum: &Spectrum,
+        inverse_edges: &Mat3,
+        afterwards: Option<&Afterwards>,
+    ) {
+        match afterwards {
+            None => self.fill(decomposition, spectrum, inverse_edges),
+            Some(Afterwards { left, turning: None }) => {
+                self.fill(decomposition, spectrum, inverse_edges);
+                self.gradient = self.gradient.map(|g| left.transpose() * g);
+                self.hessian = self.hessian.map(|block| left.transpose() * block * left);
+            }
+            Some(Afterwards { left, turning: Some(turning) }) => {
+                self.fill_turning(decomposition, spectrum, inverse_edges, left, turning);
+                let derivative = derivative_from(decomposition, spectrum.slope);
+                self.gradient = gradient_before(derivative, inverse_edges, afterwards);
+            }
+        }
+    }
+
+    /// The Hessian where the whole is any affine function of the corners.
+    fn fill_turning(
+        &mut self,
+        Svd { left: u, right: v, .. }: &Svd,
+        spectrum: &Spectrum,
+        inverse_edges: &Mat3,
+        left: &Mat3,
+        turning: &Turning,
+    ) {
+        // The derivatives of the whole in each coordinate of each corner, in the frame of its singular vectors.
+        let rows = [0, 1, 2].map(|i| inverse_edges.row(i).into_owned());
+        let gradients = [-(rows[0] + rows[1] + rows[2]), rows[0], rows[1], rows[2]];
+        let changes: [[Mat3; 3]; 4] = std::array::from_fn(|corner| {
+            std::array::from_fn(|axis| {
+                let whole = left.column(axis) * gradients[corner] + turning.change[corner][axis];
+                u.transpose() * whole * v
+            })
+        });
+        let form = |a: &Mat3, b: &Mat3| -> f64 {
+            let mut sum = 0.0;
+            for i in 0..3 {
+                for j in 0..3 {
+                    sum += spectrum.scaling[(i, j)] * a[(i, i)] * b[(j, j)];
+                }
+            }
+            for (mode, (i, j)) in AXIS_PAIRS.into_iter().enumerate() {
+                let twists = (a[(i, j)] - a[(j, i)]) * (b[(i, j)] - b[(j, i)]);
+                let flips = (a[(i, j)] + a[(j, i)]) * (b[(i, j)] + b[(j, i)]);
+                sum += 0.5 * (spectrum.twist[mode] * twists + spectrum.flip[mode] * flips);
+            }
+            sum
+        };
+        self.hessian = Self::PAIRS.map(|(p, q)| Mat3::from_fn(|r, c| form(&changes[p][r], &changes[q][c])));
     }
 }
 
-/// The gradient of a function of L J, given as if it were of J, with respect to what J is of.
-pub(super) fn gradient_before(gradient: [Vec3; 4], left: Option<&Mat3>) -> [Vec3; 4] {
-    left.map_or(gradient, |left| gradient.map(|g| left.transpose() * g))
+/// The gradient with respect to the corners of a function with this derivative with respect to the Jacobian and what follows it.
+pub(super) fn gradient_before(derivative: Mat3, inverse_edges: &Mat3, afterwards: Option<&Afterwards>) -> [Vec3; 4] {
+    let Some(Afterwards { left, turning }) = afterwards else { return gradient_at_corners(derivative, inverse_edges) };
+    let mut gradient = gradient_at_corners(left.transpose() * derivative, inverse_edges);
+    if let Some(turning) = turning {
+        for (g, change) in gradient.iter_mut().zip(&turning.change) {
+            *g += Vec3::from_fn(|axis, _| change[axis].dot(&derivative));
+        }
+    }
+    gradient
 }
 
 /// The gradient with respect to the four vertices of a function with derivatives `slope` in the singular values.
-pub(super) fn gradient_from(decomposition: &Svd, slope: [f64; 3], inverse_edges: &Mat3) -> [Vec3; 4] {
-    gradient_at_corners(derivative_from(decomposition, slope), inverse_edges)
+pub(super) fn gradient_from(
+    decomposition: &Svd,
+    slope: [f64; 3],
+    inverse_edges: &Mat3,
+    afterwards: Option<&Afterwards>,
+) -> [Vec3; 4] {
+    gradient_before(derivative_from(decomposition, slope), inverse_edges, afterwards)
 }
 
 /// The derivative with respect to the Jacobian of a function with derivatives `slope` in its singular values.
@@ -143,7 +208,7 @@ pub(super) fn derivative_from(Svd { left, right, .. }: &Svd, slope: [f64; 3]) ->
 }
 
 /// The gradient with respect to the four vertices of a function with this derivative with respect to the Jacobian.
-pub(super) fn gradient_at_corners(derivative: Mat3, inverse_edges: &Mat3) -> [Vec3; 4] {
+fn gradient_at_corners(derivative: Mat3, inverse_edges: &Mat3) -> [Vec3; 4] {
     let stress = derivative * inverse_edges.transpose();
     let [g1, g2, g3] = [0, 1, 2].map(|i| stress.column(i).into_owned());
     [-(g1 + g2 + g3), g1, g2, g3]
@@ -253,6 +318,48 @@ mod tests {
         let inside_out = [bent()[0], bent()[2], bent()[1], bent()[3]];
         for image in [bent(), inside_out] {
             check_hessian(&Untangling { epsilon: 0.5 }, image);
+        }
+    }
+
+    #[test]
+    fn derivatives_of_what_follows_a_jacobian_match_differences() {
+        let wave = |seed: usize| (seed as f64 * 1.618).sin();
+        let left = Mat3::identity() + Mat3::from_fn(|r, c| 0.2 * wave(3 * r + c));
+        let change = std::array::from_fn(|v| {
+            std::array::from_fn(|a| Mat3::from_fn(|r, c| 0.3 * wave(27 * v + 9 * a + 3 * r + c + 10)))
+        });
+        let turning = Some(Box::new(Turning { from: bent().map(|x| x * 0.9), change }));
+        for afterwards in [Afterwards { left, turning: None }, Afterwards { left, turning }] {
+            let inverse =
+                edges(&[Vec3::zeros(), Vec3::x(), Vec3::new(0.2, 1.1, -0.1), Vec3::z()]).try_inverse().unwrap();
+            let energy = SoftMax::new(2.0, 0.3);
+            let at = |image: &[Vec3; 4]| {
+                let decomposition = svd(&afterwards.after(edges(image) * inverse, image));
+                let spectrum = energy.spectrum(0, decomposition.values, 1.0).expect("the energy is finite");
+                let mut derivatives = ElementDerivatives::default();
+                derivatives.fill_before(&decomposition, &spectrum, &inverse, Some(&afterwards));
+                derivatives
+            };
+            let exact = at(&bent());
+            let h = 1e-5;
+            for (vertex, axis) in (0..4).flat_map(|vertex| (0..3).map(move |axis| (vertex, axis))) {
+                let [less, more] = [-h, h].map(|step| {
+                    let mut image = bent();
+                    image[vertex][axis] += step;
+                    image
+                });
+                let value = |image: &[Vec3; 4]| value(&energy, &afterwards.after(edges(image) * inverse, image));
+                let slope = (value(&more) - value(&less)) / (2.0 * h);
+                // Truncation h^2 times a third derivative of order 10, rounding 1e-16 / h.
+                assert!((slope - exact.gradient[vertex][axis]).abs() < 1e-7, "{vertex} {axis}");
+                let [less, more] = [at(&less), at(&more)];
+                for (block, &(row, column)) in exact.hessian.iter().zip(&ElementDerivatives::PAIRS) {
+                    if column == vertex {
+                        let change = (more.gradient[row] - less.gradient[row]) / (2.0 * h);
+                        assert!((change - block.column(axis)).norm() < 1e-6, "{row} {column} {axis}");
+                    }
+                }
+            }
         }
     }
 

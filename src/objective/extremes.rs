@@ -1,6 +1,6 @@
 //! ln K_O and ln K_I of every tet with their gradients: the constraints of the epigraph form.
 
-use super::element::{centred_logs, derivative_from, gradient_at_corners, gradient_before};
+use super::element::{centred_logs, derivative_from, gradient_before};
 use crate::domain::Domain;
 use crate::linalg::{Svd, svd};
 use crate::mesh::{Mat3, TetId, Vec3};
@@ -37,7 +37,7 @@ pub fn of_jacobian(decomposition: &Svd) -> Option<[(f64, Mat3); 2]> {
 pub(super) fn of_decomposition(decomposition: &Svd, domain: &Domain, tet: TetId) -> Option<[TetFunction; 2]> {
     let of_jacobian = of_jacobian(decomposition)?;
     Some(of_jacobian.map(|(value, derivative)| {
-        let gradient = gradient_at_corners(derivative, &domain.inverse_edges()[tet.index()]);
-        TetFunction { value, gradient: gradient_before(gradient, domain.afterwards(tet)) }
+        let inverse_edges = &domain.inverse_edges()[tet.index()];
+        TetFunction { value, gradient: gradient_before(derivative, inverse_edges, domain.afterwards(tet)) }
     }))
 }

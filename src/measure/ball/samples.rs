@@ -5,12 +5,23 @@ use super::pieces::{THIN, Weights, part, within};
 use super::polygon::Shadow;
 use super::{NotOntoBall, onto_ball};
 use crate::dilatation::Dilatation;
-use crate::domain::Domain;
+use crate::domain::{Afterwards, Domain, Turning};
 use crate::map::{self, Corners};
 use crate::mesh::{Mat3, TetId, Vec3};
 
 /// Points nearer to 0 than this part of their tet's farthest corner have no direction: that of 0, where cuts meet, is rounding.
 const AT_CENTRE: f64 = 1e-9;
+
+/// What the map onto the ball is at a point of a tet.
+#[derive(Clone, Debug)]
+pub(crate) struct Factor {
+    /// K there.
+    pub k: f64,
+    /// R.
+    pub right: Mat3,
+    /// L, and what becomes of it where the corners move, those of the tet alone.
+    pub afterwards: Afterwards,
+}
 
 /// The radial map of an image onto the ball, after a map of a domain to that image.
 pub(crate) struct OntoBall<'a> {
@@ -43,7 +54,7 @@ impl<'a> OntoBall<'a> {
 
     /// The largest K at the corners of [`OntoBall::factors`].
     pub(super) fn sampled(&self, tet: TetId) -> f64 {
-        self.factors_on(tet, THIN).iter().map(|(k, _)| *k).fold(1.0, f64::max)
+        self.factors_on(tet, THIN).iter().map(|factor| factor.k).fold(1.0, f64::max)
     }
 
     /// At the corners of the parts of a tet in single cones the matrices R and L, of determinants p > 0 and 1, with which the map onto the
@@ -51,12 +62,12 @@ impl<'a> OntoBall<'a> {
     /// maximum at a corner, up to the curvature of L and R. The apex of a warped tet has an R in each direction, 0 an L.
     ///
     /// Even the thinnest part counts: a map that is made better to where a tet would reach into a cone of larger K reaches there in the end.
-    pub fn factors(&self, tet: TetId) -> Vec<(f64, [Mat3; 2])> {
+    pub fn factors(&self, tet: TetId) -> Vec<Factor> {
         self.factors_on(tet, 0.0)
     }
 
     /// The same on the parts of the tet larger than `thin`, relative to its volume.
-    fn factors_on(&self, tet: TetId, thin: f64) -> Vec<(f64, [Mat3; 2])> {
+    fn factors_on(&self, tet: TetId, thin: f64) -> Vec<Factor> {
         let rest = self.domain.mesh().corners(tet);
         let images = self.domain.mesh().tets()[tet.index()].map(|v| self.image[v.index()]);
         let jacobian = self.domain.jacobian(tet, self.image);
@@ -77,7 +88,9 @@ impl<'a> OntoBall<'a> {
             let of = |points: &[Vec3; 4], weights: &Weights| -> Vec3 {
                 points.iter().zip(weights).map(|(p, w)| p * *w).sum::<Vec3>() / weights.iter().sum::<f64>()
             };
-            let ends: Vec<[Option<Mat3>; 2]> = corners
+            let triangle = self.domain.boundary().triangles()[index];
+            let places = self.domain.mesh().tets()[tet.index()].map(|v| triangle.iter().position(|w| *w == v));
+            let ends: Vec<(Option<Mat3>, Option<(Mat3, Weights)>)> = corners
                 .iter()
                 .map(|weights| {
                     let right = match warp {
@@ -85,25 +98,59 @@ impl<'a> OntoBall<'a> {
                         Some(warp) => warp.projections([of(&rest, weights); 4]).next().map(|u| warp.factor(&u)),
                     };
                     let y = of(&images, weights);
-                    [right, shear(cone, &y).filter(|_| y.norm() > AT_CENTRE * size)]
+                    let left = shear(cone, &y).filter(|_| y.norm() > AT_CENTRE * size);
+                    (right, left.map(|left| (left, *weights)))
                 })
                 .collect();
-            let mut take = |right: Mat3, left: Mat3| {
-                found.push((Dilatation::of(&(left * jacobian * right)).k(), [right, left]));
+            let mut take = |right: Mat3, (left, weights): (Mat3, Weights)| {
+                let k = Dilatation::of(&(left * jacobian * right)).k();
+                let turning = places.iter().any(Option::is_some).then(|| {
+                    let change = turning(cone, &images, &places, &weights, &(jacobian * right));
+                    Box::new(Turning { from: images, change })
+                });
+                found.push(Factor { k, right, afterwards: Afterwards { left, turning } });
             };
             for end in &ends {
                 match *end {
-                    [Some(right), Some(left)] => take(right, left),
-                    [None, Some(left)] => {
-                        ends.iter().filter_map(|[right, _]| *right).for_each(|right| take(right, left))
+                    (Some(right), Some(left)) => take(right, left),
+                    (None, Some(left)) => {
+                        ends.iter().filter_map(|(right, _)| *right).for_each(|right| take(right, left))
                     }
-                    [Some(right), None] => ends.iter().filter_map(|[_, left]| *left).for_each(|left| take(right, left)),
-                    [None, None] => {}
+                    (Some(right), None) => ends.iter().filter_map(|(_, left)| *left).for_each(|left| take(right, left)),
+                    (None, None) => {}
                 }
             }
         });
         found
     }
+}
+
+/// The derivatives of the shear times `jacobian` in each coordinate of each corner of a tet, at the point with these weights in the cone of a
+/// boundary triangle, whose corners are those of the tet at the `places` that have one.
+fn turning(
+    cone: &Cone,
+    images: &[Vec3; 4],
+    places: &[Option<usize>; 4],
+    weights: &Weights,
+    jacobian: &Mat3,
+) -> [[Mat3; 3]; 4] {
+    let normal = Vec3::from(cone.normal.map(|entry| entry.middle()));
+    let total: f64 = weights.iter().sum();
+    let y: Vec3 = images.iter().zip(weights).map(|(p, w)| p * (*w / total)).sum();
+    let (along, square) = (normal.dot(&y), y.norm_squared());
+    std::array::from_fn(|corner| {
+        // The normal is the sum of the products of its corners in turn.
+        let across = places[corner].map_or(Vec3::zeros(), |k| cone.corners[(k + 1) % 3] - cone.corners[(k + 2) % 3]);
+        std::array::from_fn(|axis| {
+            let unit = Vec3::from_fn(|row, _| f64::from(u8::from(row == axis)));
+            let (dy, dn) = (unit * (weights[corner] / total), unit.cross(&across));
+            let change = (dy * normal.transpose() + y * dn.transpose()) / along
+                - y * normal.transpose() * ((dn.dot(&y) + normal.dot(&dy)) / (along * along))
+                - (dy * y.transpose() + y * dy.transpose()) / square
+                + y * y.transpose() * (2.0 * y.dot(&dy) / (square * square));
+            change * jacobian
+        })
+    })
 }
 
 /// The shear of the radial map on a cone in a direction; `None` where the direction is not in front of the cone's plane.
@@ -112,4 +159,43 @@ fn shear(cone: &Cone, y: &Vec3) -> Option<Mat3> {
     let along = normal.dot(y);
     let shear = Mat3::identity() + y * normal.transpose() / along - y * y.transpose() / y.norm_squared();
     (along > 0.0 && shear.iter().all(|x| x.is_finite())).then_some(shear)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn turning_is_the_derivative_of_the_shear_times_the_jacobian() {
+        let triangle = [Vec3::new(0.9, 0.1, 0.3), Vec3::new(0.2, 0.8, 0.4), Vec3::new(0.1, 0.3, 0.9)];
+        let jacobian = Mat3::new(1.0, 0.2, -0.1, 0.3, 1.2, 0.1, 0.0, -0.2, 0.8);
+        // A tet below the triangle, and one that has an edge of it.
+        for places in [[Some(0), Some(1), Some(2), None], [Some(2), None, Some(1), None]] {
+            let others = [Vec3::new(0.3, 0.2, 0.4), Vec3::new(0.4, 0.4, 0.3), Vec3::zeros(), Vec3::new(0.2, 0.3, 0.4)];
+            let images: [Vec3; 4] = std::array::from_fn(|v| places[v].map_or(others[v], |k: usize| triangle[k]));
+            let weights = [0.5, 0.3, 0.1, 0.1];
+            let whole = |images: &[Vec3; 4]| {
+                let mut moved = triangle;
+                (0..4).for_each(|v| {
+                    if let Some(k) = places[v] {
+                        moved[k] = images[v]
+                    }
+                });
+                let y = images.iter().zip(weights).map(|(p, w)| p * w).sum::<Vec3>();
+                shear(&Cone::over(&moved), &y).unwrap() * jacobian
+            };
+            let change = turning(&Cone::over(&triangle), &images, &places, &weights, &jacobian);
+            let h = 1e-5;
+            for (corner, axis) in (0..4).flat_map(|corner| (0..3).map(move |axis| (corner, axis))) {
+                let [less, more] = [-h, h].map(|step| {
+                    let mut images = images;
+                    images[corner][axis] += step;
+                    whole(&images)
+                });
+                // Truncation h^2 times a third derivative of order 10, rounding 1e-16 / h.
+                let difference = (more - less) / (2.0 * h);
+                assert!((difference - change[corner][axis]).norm() < 1e-8, "{corner} {axis}");
+            }
+        }
+    }
 }
