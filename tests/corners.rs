@@ -269,6 +269,20 @@ fn a_symmetric_map_onto_the_ball_is_found_on_one_flag() {
 }
 
 #[test]
+fn more_iterations_never_end_with_a_larger_k_onto_the_ball() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = "[domain]\nsolid = \"box\"\nsize = [1, 1, 2]\n[mesh]\nkind = \"flag\"\nsectors = 3\nrings = 2\nlayers = 3\n\
+                  [boundary]\nvalues = \"sliding\"\ncorners = 1.5\n[optimize]\nobjective = \"ball\"\nsymmetric = true\n";
+    let of = |most: &str| {
+        let run = report(folder.path(), most, config, &["--set", &format!("optimize.max_iterations={most}")]);
+        run["final"]["ball_k"]["sampled"].as_f64().unwrap()
+    };
+    // On the way to the least K onto the polyhedron K onto the ball is 7.8 after 8 steps, 8.0 after 12 and 7.2 after 24.
+    let found = ["0", "8", "12", "24", "1000"].map(of);
+    assert!(found.is_sorted_by(|a, b| b <= a) && found[4] < 0.9 * found[3], "{found:?}");
+}
+
+#[test]
 fn corners_without_sense_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let solid = "v 1 1 1\nv 1 -1 -1\nv -1 1 -1\nv -1 -1 1\nf 1 2 3\nf 1 4 2\nf 1 3 4\nf 2 4 3\n";

@@ -36,7 +36,7 @@ pub use engine::{Engine, MOST_TETS_CONSERVATIVE, MOST_TETS_QUADRATIC};
 pub use error::OptimizeError;
 use minimax::Ending;
 pub use recorder::KktResidual;
-use recorder::{PhaseEnd, Progress, Recorder};
+use recorder::{Observe, PhaseEnd, Progress, Recorder};
 use region::Region;
 pub use untangle::{
     Freed, Refined, Shapes, Tangled, Untangled, flipped_tets, refine_and_untangle, untangle, untangle_and_optimize,
@@ -254,7 +254,7 @@ pub fn optimize_from(
     settings.engine.check(settings.objective, settings.boundary_values)?;
     settings.engine.check_size(domain.mesh().tets().len())?;
     let unknowns = unknowns(domain, start, fixed, settings.boundary_values)?;
-    optimize_unknowns(known, domain, start, &unknowns, settings, observe)
+    optimize_unknowns(known, domain, start, &unknowns, settings, &mut |row, _| observe(row))
 }
 
 /// [`optimize_from`] with what may move known.
@@ -264,7 +264,7 @@ fn optimize_unknowns(
     start: &[Vec3],
     unknowns: &Unknowns,
     settings: &OptimizeSettings,
-    observe: &mut dyn FnMut(&TraceRow),
+    observe: &mut Observe<'_>,
 ) -> Result<Outcome, OptimizeError> {
     let mut iterate = Iterate::new(domain, start.to_vec());
     let flipped = iterate.decompositions().iter().filter(|tet| tet.values[2] <= 0.0).count();

@@ -99,6 +99,9 @@ pub(super) struct Part {
     pub tets: Vec<TetId>,
 }
 
+/// Sees every row as it comes, and the positions that it tells of.
+pub(super) type Observe<'a> = dyn FnMut(&TraceRow, &[Vec3]) + 'a;
+
 /// Takes K of each iterate's tets, keeps the best one and the trace, and watches the limits.
 pub(super) struct Recorder<'a> {
     /// The last iterate, and K of each tet there.
@@ -113,7 +116,7 @@ pub(super) struct Recorder<'a> {
     /// With the whole time limit as its deadline, and with what is not reserved of it.
     whole: Cancel,
     cancel: Cancel,
-    observe: &'a mut dyn FnMut(&TraceRow),
+    observe: &'a mut Observe<'a>,
     pub(super) rows: Vec<TraceRow>,
     pub(super) best: Vec<Vec3>,
     pub(super) best_k: f64,
@@ -126,7 +129,7 @@ pub(super) struct Recorder<'a> {
 }
 
 impl<'a> Recorder<'a> {
-    pub(super) fn new(start: &Iterate, settings: &OptimizeSettings, observe: &'a mut dyn FnMut(&TraceRow)) -> Self {
+    pub(super) fn new(start: &Iterate, settings: &OptimizeSettings, observe: &'a mut Observe<'a>) -> Self {
         let cancel = settings.starting_now().cancel;
         let mut recorder = Self {
             image: start.image().to_vec(),
@@ -234,7 +237,7 @@ impl<'a> Recorder<'a> {
             progress: self.progress,
             seconds: self.start.elapsed().as_secs_f64(),
         };
-        (self.observe)(&row);
+        (self.observe)(&row, &self.image);
         self.rows.push(row);
         let stop = self.cancel.is_due() || self.iterations_left() == 0;
         if stop { Progress::Stop } else { Progress::Continue }

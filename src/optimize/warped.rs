@@ -20,6 +20,7 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
+use super::recorder::Observe;
 use super::{
     Objective, OptimizeError, OptimizeSettings, Outcome, Polish, Start, StopReason, TraceRow, optimize_unknowns,
     unknowns,
@@ -29,17 +30,14 @@ use crate::map::Corners;
 use crate::measure::{Factor, NotOntoBall, OntoBall, measure};
 use crate::mesh::{Mat3, Mirrors, TetId, Vec3};
 
-/// The exponent of the soft maximum of the map onto the polyhedron that the rounds begin with. Its least largest K may have triangles that
-/// open far: that of a gem had K 13 onto the ball, and 8.7 on the way there.
-const FIRST_EXPONENT: f64 = 16.0;
 /// Relative fall of K onto the ball below which there is no other round: the least that a problem with held factors promises.
 const GAIN: f64 = 1e-3;
 /// Rounds in a row with a smaller fall, which only add factors, after which there is no other.
 const FRUITLESS: usize = 3;
 /// Share of the largest ln K above which the factors of a tet are held in view, and the least and most of them that are. With 6 at
 /// most, those left out decided: a tet near a corner reaches into dozens of cones.
-const NEAR: (f64, usize, usize) = (0.95, 2, 60);
-/// Accuracy in ln K of what comes before the rounds and of their problems, far below what a round is to gain.
+const NEAR: (f64, usize, usize) = (0.95, 4, 60);
+/// Accuracy in ln K of the problems with held factors, far below what a round is to gain.
 const ACCURACY: f64 = 1e-4;
 /// Shares of the way to the solution of a problem with held factors that are tried: far from where these were taken it says little.
 const SHARES: [f64; 6] = [1.0, 0.7, 0.5, 0.25, 0.1, 0.04];
@@ -61,9 +59,9 @@ pub struct Warped<'d> {
 
 impl Warped<'_> {
     /// Moves the vertices so that the objective falls. For K onto the ball the start, inscribed in a sphere about 0 and star-shaped
-    /// about 0, is first improved as without it, by a soft maximum, unless K onto the ball rises by that; from there on it only falls.
+    /// about 0, is first improved as without it, unless K onto the ball rises by that; from there on it only falls.
     /// The outcome then has no KKT residual, and its trace has a row a round after those of the first map, whose objective is the logarithm of K
-    /// onto the ball, as far as points of the tets tell. A round solves a problem of its own, with up to as many iterations as all may have rows.
+    /// onto the ball, as far as points of the tets tell. A round is one iteration.
     ///
     /// # Errors
     /// As [`optimize()`](super::optimize()), and a start that is not onto the ball.
@@ -77,31 +75,22 @@ impl Warped<'_> {
         let tets = self.tets();
         let (plain, _) = self.chamber().with_factors(|tet| rights(tets[tet.index()]));
         if !self.onto_ball {
-            return self.solved(&plain, Start::Anywhere, start, settings, observe);
+            return self.solved(&plain, Start::Anywhere, start, settings, &mut |row, _| observe(row));
         }
         let clock = Instant::now();
-        let at_start = self.held(start)?;
         let settings = OptimizeSettings { objective: Objective::Max, polish: Polish::None, ..settings.starting_now() };
-        let of_rounds = OptimizeSettings { tolerance: settings.tolerance.max(ACCURACY), ..settings.clone() };
-        let first = OptimizeSettings { objective: Objective::SoftMax(FIRST_EXPONENT), ..of_rounds.clone() };
-        let mut now = self.solved(&plain, Start::Anywhere, start, &first, observe)?;
-        // On coarse meshes a small K onto the polyhedron may have a large one onto the ball.
-        let mut held = match self.held(&now.positions) {
-            Ok(held) if held.k <= at_start.k => held,
-            _ => {
-                now.positions = start.to_vec();
-                at_start
-            }
-        };
+        let (tolerance, max_iterations) = (settings.tolerance.max(ACCURACY), usize::MAX / 2);
+        let of_rounds = OptimizeSettings { tolerance, max_iterations, ..settings.clone() };
+        let (mut now, mut held) = self.first(&plain, start, &settings, observe)?;
         let mut fruitless = 0;
         // What ended the rest is told.
-        while matches!(now.stop, StopReason::Optimal | StopReason::Converged | StopReason::NoProgress) {
+        while went_to_its_end(now.stop) {
             if now.trace.len() > settings.max_iterations {
                 now.stop = StopReason::IterationLimit;
                 break;
             }
             let problem = self.chamber().with_factors_on_both_sides(&held.factors);
-            let next = self.solved(&problem, Start::Settled, &now.positions, &of_rounds, &mut |_| {})?;
+            let next = self.solved(&problem, Start::Settled, &now.positions, &of_rounds, &mut |_, _| {})?;
             now.stop = next.stop;
             let promised = held.k - measure(&problem, &self.restricted(&next.positions)).summary.max_k;
             let Some((farthest, best)) =
@@ -143,7 +132,37 @@ impl Warped<'_> {
             }
         }
         now.stop = if now.stop == StopReason::Optimal { StopReason::Converged } else { now.stop };
-        Ok(Outcome { kkt: None, ..now })
+        Ok(now)
+    }
+
+    /// The map that the rounds begin with: of the start and all iterates of its improvement as without the ball the one of least K onto the
+    /// ball. A small K onto the polyhedron may have a large one onto the ball, on coarse meshes and where triangles open far, by which K falls
+    /// most of all in the middle of long faces: a gem's was 8.7 on the way and 13 at the end.
+    fn first(
+        &self,
+        plain: &Domain,
+        start: &[Vec3],
+        settings: &OptimizeSettings,
+        observe: &mut dyn FnMut(&TraceRow),
+    ) -> Result<(Outcome, Held), OptimizeError> {
+        let at_start = self.held(start)?;
+        let (mut least, mut best) = (at_start.k, None);
+        let first = self.solved(plain, Start::Anywhere, start, settings, &mut |row, image| {
+            observe(row);
+            let image = self.whole(image);
+            let k = self.k_onto_ball(&image);
+            if k <= least {
+                (least, best) = (k, Some(image));
+            }
+        })?;
+        let first = Outcome { kkt: None, multipliers: Vec::new(), ..first };
+        match best {
+            None => Ok((Outcome { positions: start.to_vec(), ..first }, at_start)),
+            Some(positions) => {
+                let held = self.held(&positions)?;
+                Ok((Outcome { positions, ..first }, held))
+            }
+        }
     }
 
     /// The image of least K onto the ball among some on the way from one to another, if it is below `k`, with the share of the way and its
@@ -190,14 +209,18 @@ impl Warped<'_> {
         self.mirrors.map_or_else(|| image.to_vec(), |mirrors| mirrors.folded(image))
     }
 
-    /// Optimizes a domain that has this one's chamber's vertices.
+    fn whole(&self, image: &[Vec3]) -> Vec<Vec3> {
+        self.mirrors.map_or_else(|| image.to_vec(), |mirrors| mirrors.unfolded(image))
+    }
+
+    /// Optimizes a domain that has this one's chamber's vertices; `observe` sees the positions of these.
     fn solved(
         &self,
         domain: &Domain,
         known: Start,
         start: &[Vec3],
         settings: &OptimizeSettings,
-        observe: &mut dyn FnMut(&TraceRow),
+        observe: &mut Observe<'_>,
     ) -> Result<Outcome, OptimizeError> {
         let start = self.restricted(start);
         let mut unknowns = unknowns(domain, &start, domain.boundary().vertex_mask(), settings.boundary_values)?;
@@ -205,10 +228,7 @@ impl Warped<'_> {
             unknowns = unknowns.within(mirrors.within());
         }
         let outcome = optimize_unknowns(known, domain, &start, &unknowns, settings, observe)?;
-        let positions = match self.mirrors {
-            None => outcome.positions,
-            Some(mirrors) => mirrors.unfolded(&outcome.positions),
-        };
+        let positions = self.whole(&outcome.positions);
         Ok(Outcome { positions, ..outcome })
     }
 
@@ -222,6 +242,16 @@ impl Warped<'_> {
             .collect();
         // Its symmetry is exact again.
         self.mirrors.map_or(image.clone(), |mirrors| mirrors.unfolded(&mirrors.folded(&image)))
+    }
+
+    /// The largest K onto the ball, infinite where there is none.
+    fn k_onto_ball(&self, image: &[Vec3]) -> f64 {
+        let largest = |onto: OntoBall<'_>| -> Vec<f64> {
+            let of_tet = |tet| onto.factors(tet).iter().map(|factor| factor.k).fold(1.0, f64::max);
+            self.tets().into_par_iter().map(of_tet).collect()
+        };
+        let onto = OntoBall::new(self.domain, self.corners, image);
+        onto.map_or(f64::INFINITY, |onto| largest(onto).into_iter().fold(1.0, f64::max))
     }
 
     /// All factors of tets of large K onto the ball, and the worst of the others. An image with a flipped tet has infinite K.
@@ -245,6 +275,11 @@ impl Warped<'_> {
         let (factors, large) = all.iter().map(kept).unzip();
         Ok(Held { k, factors, large })
     }
+}
+
+/// Whether nothing from outside ended an optimization.
+fn went_to_its_end(stop: StopReason) -> bool {
+    matches!(stop, StopReason::Optimal | StopReason::Converged | StopReason::NoProgress)
 }
 
 /// For each tet that is solved for its factors R, each with what follows.

@@ -23,6 +23,9 @@ pub(crate) struct Factor {
     pub afterwards: Afterwards,
 }
 
+/// What a corner of a part of a tet knows: R, and L with the corner's weights.
+type End = (Option<Mat3>, Option<(Mat3, Weights)>);
+
 /// The radial map of an image onto the ball, after a map of a domain to that image.
 pub(crate) struct OntoBall<'a> {
     domain: &'a Domain,
@@ -90,7 +93,7 @@ impl<'a> OntoBall<'a> {
             };
             let triangle = self.domain.boundary().triangles()[index];
             let places = self.domain.mesh().tets()[tet.index()].map(|v| triangle.iter().position(|w| *w == v));
-            let ends: Vec<(Option<Mat3>, Option<(Mat3, Weights)>)> = corners
+            let ends: Vec<End> = corners
                 .iter()
                 .map(|weights| {
                     let right = match warp {

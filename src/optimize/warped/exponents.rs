@@ -73,7 +73,7 @@ impl Warped<'_> {
         let largest = |corners: &Corners, known, positions: &[Vec3]| {
             let (plain, owners) =
                 self.chamber().with_factors(|tet| corners.factors(self.domain, self.tet_of_chamber(tet)));
-            let outcome = self.solved(&plain, known, positions, &settings, &mut |_| {})?;
+            let outcome = self.solved(&plain, known, positions, &settings, &mut |_, _| {})?;
             let k = measure(&plain, &self.restricted(&outcome.positions)).summary.max_k;
             Ok::<_, OptimizeError>((k, owners, outcome))
         };
