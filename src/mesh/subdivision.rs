@@ -66,6 +66,23 @@ impl Subdivision {
         Ok(())
     }
 
+    /// The mesh before [`Subdivision::halve`] halved these edges; `None` where it cannot have come from one so.
+    pub fn before(mesh: &TetMesh, edges: &[[VertexId; 2]]) -> Option<TetMesh> {
+        let (mut points, mut tets) = (mesh.points().to_vec(), mesh.tets().to_vec());
+        for [replaced, _] in edges.iter().rev() {
+            points.pop()?;
+            let middle = VertexId(points.len() as u32);
+            let halves = tets.iter().filter(|tet| tet.contains(&middle)).count();
+            tets.truncate(tets.len() - halves / 2);
+            tets.iter_mut().flatten().filter(|v| **v == middle).for_each(|v| *v = *replaced);
+        }
+        let there = |v: &VertexId| v.index() < points.len();
+        if !tets.iter().flatten().all(there) {
+            return None;
+        }
+        TetMesh::new(points, tets).ok()
+    }
+
     /// How many vertices there are now.
     pub fn vertex_count(&self) -> usize {
         self.points.len()
@@ -223,6 +240,10 @@ mod tests {
             tets
         };
         assert_eq!(sorted(&again), sorted(&by_size));
+        let edges = [[0, 1], [3, 2], [1, 2], [1, 5]].map(|edge| edge.map(VertexId));
+        let mut halved = Subdivision::of(&mesh);
+        halved.halve(&edges).unwrap();
+        assert_eq!(Subdivision::before(&halved.mesh().unwrap(), &edges), Some(mesh.clone()));
         assert_eq!(again.halve(&[[0, 4].map(VertexId)]), Err([0, 4].map(VertexId)));
         assert_eq!(again.halve(&[[0, 99].map(VertexId)]), Err([0, 99].map(VertexId)));
         // A linear map of the old vertices is the same linear map of the new ones.

@@ -6,11 +6,12 @@ use super::Findings;
 use super::files::Files;
 use crate::cancel::Cancel;
 use crate::config::{Config, ConfigSource, DomainSource, InitialMap, MeshPlan, Plan};
+use crate::domain::Domain;
 use crate::experiment::{RunError, Start};
 use crate::map::{CornerChoice, Corners};
 use crate::measure::Summary;
-use crate::mesh::Vec3;
 use crate::mesh::io::{read_surface, shown_path};
+use crate::mesh::{Subdivision, Vec3};
 use crate::optimize::BoundaryValues;
 use crate::report::HALVED;
 use crate::solid::{StarCentre, Surface};
@@ -73,16 +74,22 @@ pub(super) fn again(files: &Files, findings: &mut Findings) -> Option<Again> {
     rounds(files, findings);
     let external = matches!(plan.mesh, MeshPlan::External(_))
         || report.domain.centre.is_none() && matches!(plan.mesh, MeshPlan::Auto { .. });
-    if external && !files.halved.is_empty() {
-        findings.trust("that the domain is the mesher's with the edges halved that refined.csv names, and its start");
-        return Some(as_told(source));
-    }
+    let unrefined = if external && !files.halved.is_empty() {
+        let mesh = Subdivision::before(files.domain.mesh(), &files.halved);
+        let Some(unrefined) = mesh.map(Domain::new).and_then(Result::ok) else {
+            findings.found(format!("domain.vtu did not come from any mesh by the halvings of {HALVED}"));
+            return Some(as_told(source));
+        };
+        unrefined
+    } else {
+        files.domain.clone()
+    };
     let (least, there) = (least_tets(&plan, report.domain.centre.is_some()), files.cells.len());
     if least > there {
         findings.found(format!("the config makes a mesh of at least {least} tets, but cells.csv has {there}"));
         return Some(as_told(source));
     }
-    let start = match make(&plan, files, findings) {
+    let start = match make(&plan, files, unrefined, findings) {
         Ok(start) => start.told_by(&report.map.map),
         Err(error) => {
             findings.found(format!("the config makes no start: {error}"));
@@ -190,15 +197,16 @@ fn corners(plan: &Plan, files: &Files, made: Option<&Corners>, findings: &mut Fi
     }
 }
 
-/// The start of a plan. External meshers are not run again: the mesh that the files have is held against the solid.
-fn make(plan: &Plan, files: &Files, findings: &mut Findings) -> Result<Start, RunError> {
+/// The start of a plan. External meshers are not run again: the mesh that the files have, before edges were halved, is held against the
+/// solid.
+fn make(plan: &Plan, files: &Files, unrefined: Domain, findings: &mut Findings) -> Result<Start, RunError> {
     match (&plan.domain, &plan.mesh) {
         (DomainSource::Solid(_) | DomainSource::Surface(_), MeshPlan::External(settings)) => {
             findings.trust(format!(
                 "that {} made the tets, of which only that they fill the solid was checked, and the splits",
                 settings.mesher
             ));
-            let start = Start::on(plan, settings, files.domain.clone(), files.units[0])?;
+            let start = Start::on(plan, settings, unrefined, files.units[0])?;
             Ok(Start { splits: files.report.achieved.splits, ..start })
         }
         // Shells have a star centre.
@@ -209,7 +217,7 @@ fn make(plan: &Plan, files: &Files, findings: &mut Findings) -> Result<Start, Ru
             findings.trust(
                 "that TetGen or Gmsh made the tets, of which only that they fill the solid was checked, and the splits",
             );
-            let start = Start::on(plan, external, files.domain.clone(), files.units[0])?;
+            let start = Start::on(plan, external, unrefined, files.units[0])?;
             Ok(Start { splits: files.report.achieved.splits, warnings: files.report.warnings.clone(), ..start })
         }
         // Which of the two it is depends on the programs of a machine, where a solid is barely star-shaped.

@@ -70,3 +70,51 @@ fn a_refined_run_whose_start_has_many_values_of_k_is_verified() {
     let (code, text) = qcball(&["verify"], folder.path());
     assert!(code == Some(1) && text.contains("row 0 of trace.csv is not the start"), "{text}");
 }
+
+/// Without TetGen it says so and passes, unless QCBALL_EXTERNAL_REQUIRED is set.
+#[test]
+fn a_refined_mesh_of_tetgen_is_held_against_the_solid_and_the_start() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = folder.path().join("case.toml");
+    let text = "[domain]\nsolid = \"cube\"\n[mesh]\nkind = \"tetgen\"\n[refine]\nrounds = 3\ntets = \"20 %\"\n";
+    fs::write(&config, text).unwrap();
+    let out = folder.path().join("out");
+    let (code, _) = qcball(&["run", &config.display().to_string(), "--quiet", "--threads", "1", "--out"], &out);
+    if code == Some(2) && std::env::var_os("QCBALL_EXTERNAL_REQUIRED").is_none() {
+        return eprintln!("skipped: TetGen is not there");
+    }
+    assert_eq!(code, Some(0));
+    assert!(!report(&out).achieved.refined.unwrap().rounds.is_empty());
+    let (code, text) = qcball(&["verify"], &out);
+    assert!(code == Some(0) && !text.contains("and its start"), "{text}");
+    every_one_is_found(
+        &out,
+        &[
+            (
+                "a new vertex moved in the domain",
+                |f| edit_maps(f, |m| m.domain.soup.points.last_mut().unwrap().x += 1e-6),
+                "of domain.vtu",
+            ),
+            (
+                "a vertex of the surface moved off it",
+                |f| edit_maps(f, |m| m.domain.soup.points[0] *= 1.0 + 1e-6),
+                "no start",
+            ),
+            (
+                "a new vertex moved in the start",
+                |f| edit_maps(f, |m| m.start().last_mut().unwrap().x += 1e-6),
+                "of the start",
+            ),
+            (
+                "the last halving left out",
+                |f| {
+                    edit_text(f, "refined.csv", |text| {
+                        let lines: Vec<&str> = text.lines().collect();
+                        lines[..lines.len() - 1].join("\n") + "\n"
+                    });
+                },
+                "refined.csv",
+            ),
+        ],
+    );
+}
