@@ -298,7 +298,7 @@ fn corners_without_sense_are_refused() {
         (format!("{FLAGS}[boundary]\ncorners = \"cubic\"\n"), "corners are \"linear\", \"power\" or a number"),
         (
             format!("{FLAGS}[boundary]\ncorners = 2\n[map]\nkind = \"folding\"\nratio = 2\n"),
-            "are for the maps \"auto\" and \"radial\"",
+            "are for the maps \"auto\", \"radial\" and \"spherical\"",
         ),
         ("[domain]\nsolid = \"ball\"\nresolution = 2\n[boundary]\ncorners = 2\n".into(), "the solid has no corners"),
         (

@@ -64,7 +64,7 @@ pub(crate) struct OptimizeArguments {
     /// Accuracy in ln K at which the last phase ends.
     #[arg(long, default_value_t = OptimizeSettings::default().tolerance, allow_negative_numbers = true, value_parser = positive)]
     tolerance: f64,
-    /// Most iterations over all phases.
+    /// Most iterations over all phases, untangling not counted.
     #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = OptimizeSettings::default().max_iterations)]
     max_iterations: usize,
     /// Most seconds of untangling and optimizing.

@@ -43,8 +43,8 @@ pub(super) fn corners(config: &Config, map: &InitialMap) -> Result<CornerChoice,
         }
         Some(CornersValue::Exponent(exponent)) => CornerChoice::Exponent(exponent),
     };
-    if !matches!(map, InitialMap::Auto { .. } | InitialMap::Radial { .. }) {
-        let message = "powers at the corners are for the maps \"auto\" and \"radial\"".to_string();
+    if !matches!(map, InitialMap::Auto { .. } | InitialMap::Radial { .. } | InitialMap::Spherical { .. }) {
+        let message = "powers at the corners are for the maps \"auto\", \"radial\" and \"spherical\"".to_string();
         return Err(Fault::at(&key, message, "remove the key or `map.kind`"));
     }
     Ok(choice)

@@ -380,7 +380,7 @@ pub struct OptimizeTable {
     /// Accuracy in ln K at which the last phase ends, > 0; with the effort "quick" it ends at 5e-3 in any case. Default: 1e-6.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub tolerance: Option<f64>,
-    /// Most iterations over all phases; 0 measures the start only. Default: 1000.
+    /// Most iterations over all phases, untangling not counted; 0 measures the start only. Default: 1000.
     #[schemars(range(min = 0))]
     pub max_iterations: Option<i64>,
     /// Most seconds of untangling and optimizing, > 0. Default: no limit. A run that ends by it need not be repeatable.

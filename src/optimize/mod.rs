@@ -95,7 +95,7 @@ pub struct OptimizeSettings {
     pub effort: Effort,
     /// Accuracy in ln K at which the last phase ends, > 0; with [`Effort::Quick`] it ends at 5e-3 in any case.
     pub tolerance: f64,
-    /// Most iterations over all phases.
+    /// Most iterations over all phases, untangling not counted, which takes up to 1000 of its own, or so many where they are more; 0 does neither.
     pub max_iterations: usize,
     /// Most wall time of untangling and optimizing together; where it is set, results depend on the machine's speed.
     pub time_limit: Option<Duration>,

@@ -51,6 +51,13 @@ impl Untangled {
     }
 }
 
+/// Most steps of an attempt: none where nothing is to be done but measuring, else no fewer than are usual, since an optimization that is
+/// cut short is of no use to a map with flipped tets.
+fn most_steps(settings: &OptimizeSettings) -> usize {
+    const USUAL: usize = 1000;
+    if settings.max_iterations == 0 { 0 } else { settings.max_iterations.max(USUAL) }
+}
+
 /// Tets whose image is not positively oriented, by exact predicate.
 pub fn flipped_tets(domain: &Domain, image: &[Vec3]) -> Vec<TetId> {
     (0..)
@@ -65,7 +72,7 @@ pub fn flipped_tets(domain: &Domain, image: &[Vec3]) -> Vec<TetId> {
 ///
 /// First those near the flipped tets alone; all of them if that does not suffice. Minimises the energy [`Untangling`] by projected Newton while epsilon falls by the paper's schedule, under which the
 /// least determinant becomes positive after finitely many steps if each minimisation reduces the energy enough (their
-/// Theorem 1). Either attempt ends after `settings.max_iterations` steps, or 120 without gain, at the latest; both end at
+/// Theorem 1). Either attempt ends after 1000 steps or more, see [`OptimizeSettings::max_iterations`], or 120 without gain, at the latest; both end at
 /// the time limit or when cancelled. A start without a flip is returned as it is.
 ///
 /// # Errors
@@ -115,7 +122,7 @@ fn attempt(
     let mut shift = Shift::new();
     let mut epsilon = first_epsilon(&iterate);
     let (mut iterations, mut last_gain) = (0, 0);
-    let goes_on = |iterations| iterations < settings.max_iterations && !settings.cancel.is_due();
+    let goes_on = |iterations| iterations < most_steps(settings) && !settings.cancel.is_due();
     while goes_on(iterations) && iterations - last_gain < PATIENCE {
         let energy = Untangling { epsilon };
         let Some(before) = assembly.value(&energy, &iterate) else { break };

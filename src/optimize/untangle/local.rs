@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use super::{Untangled, flipped_tets};
+use super::{Untangled, flipped_tets, most_steps};
 use crate::domain::Domain;
 use crate::linalg::{Svd, svd};
 use crate::mesh::{Mat3, TetId, Vec3, edge_matrix};
@@ -46,7 +46,7 @@ pub enum Shapes {
 /// The energy is that of [`crate::objective::Untangling`] (Garanzha et al. 2021, eq. 2-4) with the determinant in units of the
 /// tet's own scale, (||J||^2 / 3)^(3/2) averaged geometrically over its neighbourhood and measured anew every ten sweeps; epsilon
 /// is set for each vertex from the worst determinant about it. Each vertex takes one Newton step on its three coordinates, with
-/// negative curvature counted as positive. Ends after `settings.max_iterations` sweeps, or 200 without a flipped tet less, at the
+/// negative curvature counted as positive. Ends after as many sweeps as [`super::untangle()`] takes steps, or 200 without a flipped tet less, at the
 /// latest, or when cancelled.
 pub fn untangle_locally(
     domain: &Domain,
@@ -65,7 +65,7 @@ pub fn untangle_locally(
     let free: Vec<usize> = (0..fixed.len()).filter(|&v| !fixed[v]).collect();
     let mut near = free.clone();
     let (mut sweeps, mut last_gain, mut floor) = (0, 0, FIRST_FLOOR);
-    while sweeps < settings.max_iterations && sweeps - last_gain < PATIENCE && !settings.cancel.is_due() {
+    while sweeps < most_steps(settings) && sweeps - last_gain < PATIENCE && !settings.cancel.is_due() {
         if sweeps % SCALED == 0 {
             state.measure_scales();
         }
