@@ -34,9 +34,12 @@ use crate::mesh::{Mat3, Mirrors, TetId, Vec3};
 const GAIN: f64 = 1e-3;
 /// Rounds in a row with a smaller fall, which only add factors, after which there is no other.
 const FRUITLESS: usize = 3;
+/// How far above the least K onto the ball on the way the last map onto the polyhedron may lie for the rounds to begin with it: with the one of the
+/// least they ended at 2.94 on a cube, with the last, 3.31, at 2.90.
+const FROM_LAST: f64 = 1.2;
 /// Share of the largest ln K above which the factors of a tet are held in view, and the least and most of them that are. With 6 at
 /// most, those left out decided: a tet near a corner reaches into dozens of cones.
-const NEAR: (f64, usize, usize) = (0.95, 4, 60);
+const NEAR: (f64, usize, usize) = (0.95, 8, 60);
 /// Accuracy in ln K of the problems with held factors, far below what a round is to gain.
 const ACCURACY: f64 = 1e-4;
 /// Shares of the way to the solution of a problem with held factors that are tried: far from where these were taken it says little.
@@ -81,7 +84,14 @@ impl Warped<'_> {
         let settings = OptimizeSettings { objective: Objective::Max, polish: Polish::None, ..settings.starting_now() };
         let (tolerance, max_iterations) = (settings.tolerance.max(ACCURACY), usize::MAX / 2);
         let of_rounds = OptimizeSettings { tolerance, max_iterations, ..settings.clone() };
-        let (mut now, mut held) = self.first(&plain, start, &settings, observe)?;
+        let (mut now, least) = self.first(&plain, start, &settings, observe)?;
+        let mut held = match self.held(&now.positions) {
+            Ok(held) if went_to_its_end(now.stop) && held.k <= FROM_LAST * least.k => held,
+            _ => {
+                now.positions.clone_from(&least.image);
+                self.held(&least.image)?
+            }
+        };
         let mut fruitless = 0;
         // What ended the rest is told.
         while went_to_its_end(now.stop) {
@@ -132,37 +142,32 @@ impl Warped<'_> {
             }
         }
         now.stop = if now.stop == StopReason::Optimal { StopReason::Converged } else { now.stop };
+        if least.k < held.k {
+            now.positions = least.image;
+        }
         Ok(now)
     }
 
-    /// The map that the rounds begin with: of the start and all iterates of its improvement as without the ball the one of least K onto the
-    /// ball. A small K onto the polyhedron may have a large one onto the ball, on coarse meshes and where triangles open far, by which K falls
-    /// most of all in the middle of long faces: a gem's was 8.7 on the way and 13 at the end.
+    /// The improvement of the start as without the ball, and its iterate of least K onto the ball, the start included. A small K onto the
+    /// polyhedron may have a large one onto the ball, on coarse meshes and where triangles open far, by which K falls most of all in the middle
+    /// of long faces: a gem's was 8.7 on the way and 13 at the end.
     fn first(
         &self,
         plain: &Domain,
         start: &[Vec3],
         settings: &OptimizeSettings,
         observe: &mut dyn FnMut(&TraceRow),
-    ) -> Result<(Outcome, Held), OptimizeError> {
-        let at_start = self.held(start)?;
-        let (mut least, mut best) = (at_start.k, None);
-        let first = self.solved(plain, Start::Anywhere, start, settings, &mut |row, image| {
+    ) -> Result<(Outcome, Least), OptimizeError> {
+        let mut least = Least { k: self.held(start)?.k, image: start.to_vec() };
+        let last = self.solved(plain, Start::Anywhere, start, settings, &mut |row, image| {
             observe(row);
             let image = self.whole(image);
             let k = self.k_onto_ball(&image);
-            if k <= least {
-                (least, best) = (k, Some(image));
+            if k < least.k {
+                least = Least { k, image };
             }
         })?;
-        let first = Outcome { kkt: None, multipliers: Vec::new(), ..first };
-        match best {
-            None => Ok((Outcome { positions: start.to_vec(), ..first }, at_start)),
-            Some(positions) => {
-                let held = self.held(&positions)?;
-                Ok((Outcome { positions, ..first }, held))
-            }
-        }
+        Ok((Outcome { kkt: None, multipliers: Vec::new(), ..last }, least))
     }
 
     /// The image of least K onto the ball among some on the way from one to another, if it is below `k`, with the share of the way and its
@@ -292,6 +297,12 @@ struct Held {
     factors: Factors,
     /// How many of a tet's first factors are there because K is large with them.
     large: Vec<usize>,
+}
+
+/// The image of the least K onto the ball so far.
+struct Least {
+    k: f64,
+    image: Vec<Vec3>,
 }
 
 /// An image on the way to the solution of a problem with held factors.
