@@ -13,7 +13,8 @@ const ROUNDING: f64 = 1e-12;
 /// What cutting leaves on the other side of a plane, relative: more than the rounding of a scalar product, so that nothing on
 /// this side is lost.
 const CUT: f64 = 1e-14;
-/// Below this share of its diameter squared a polygon's area may be rounding, and nothing is sampled from it.
+/// Below this share of its diameter squared a polygon's area may be rounding, and below this share of its distance from 0 its diameter:
+/// nothing is sampled from it. A tet that touches a cone in a vertex overlaps it so by rounding.
 const THIN: f64 = 1e-9;
 
 /// The directions in which a tet is seen from 0.
@@ -199,12 +200,15 @@ fn cut<C: Copy>(
     [kept, rest]
 }
 
-/// Whether the polygon has next to no area.
+/// Whether the polygon has next to no area, or is next to a point.
 fn is_thin(corners: &[Corner]) -> bool {
     let Some((first, others)) = corners.split_first() else { return true };
     let spoke = |corner: &Corner| corner.direction - first.direction;
     let doubled: f64 = others.windows(2).map(|pair| spoke(&pair[0]).cross(&spoke(&pair[1])).norm()).sum();
     let longest = others.iter().map(|corner| spoke(corner).norm_squared()).fold(0.0, f64::max);
+    if longest <= THIN * THIN * first.direction.norm_squared() {
+        return true;
+    }
     // Also where one of the two is NaN.
     matches!(doubled.partial_cmp(&(THIN * longest)), None | Some(Ordering::Less | Ordering::Equal))
 }
