@@ -16,9 +16,9 @@ rows() {
     cat <<ROWS
 tetrahedron|brackets|domain.solid=tetrahedron boundary.corners=2.5 mesh.sectors=7 mesh.rings=11 mesh.layers=10
 cube|brackets|
-octahedron|brackets|domain.solid=octahedron boundary.corners=1.9 mesh.sectors=8 mesh.rings=10 mesh.layers=9|domain.solid=octahedron mesh.rings=8 mesh.layers=8
+octahedron|brackets|domain.solid=octahedron boundary.corners=1.8 mesh.sectors=8 mesh.rings=10 mesh.layers=9|domain.solid=octahedron mesh.rings=8 mesh.layers=8
 dodecahedron|brackets|domain.solid=dodecahedron boundary.corners=1.25 mesh.sectors=5 mesh.rings=7 mesh.layers=7
-icosahedron|brackets|domain.solid=icosahedron boundary.corners=1.45 mesh.sectors=11 mesh.rings=10 mesh.layers=11 mesh.grading=1.1 mesh.layer_grading=1|domain.solid=icosahedron mesh.sectors=5 mesh.rings=7 mesh.layers=7
+icosahedron|brackets|domain.solid=icosahedron boundary.corners=1.4 mesh.sectors=11 mesh.rings=10 mesh.layers=11 mesh.grading=1.1 mesh.layer_grading=1|domain.solid=icosahedron mesh.sectors=5 mesh.rings=7 mesh.layers=7
 box 1 x 1 x 2|brackets|domain.solid=box domain.size=[1,1,2] boundary.corners=1.578 mesh.sectors=5 mesh.rings=10 mesh.layers=10 mesh.grading=1 mesh.layer_grading=1|domain.solid=box domain.size=[1,1,2] mesh.sectors=4 mesh.rings=7 mesh.layers=7 mesh.grading=1 mesh.layer_grading=1
 3-sided prism|brackets|domain.solid=prism domain.sides=3 boundary.corners="power" mesh.sectors=4 mesh.rings=7 mesh.layers=7
 5-sided prism|brackets|domain.solid=prism domain.sides=5 boundary.corners="power" mesh.sectors=4 mesh.rings=7 mesh.layers=7
