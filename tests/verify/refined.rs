@@ -1,6 +1,7 @@
 //! Runs with refinement where the largest K sits, and tampering with their meshes and rounds.
 
 use std::fs;
+use std::path::Path;
 
 use serde_json::{Value, json};
 
@@ -30,22 +31,20 @@ const TAMPERINGS_OF_REFINEMENT: &[Tampering] = &[
         "refined.csv halves what",
     ),
     ("an edge that is none", |f| edit_cell(f, "refined.csv", 0, 1, |_| "100000".into()), "refined.csv"),
-    (
-        "the last halving left out",
-        |f| {
-            edit_text(f, "refined.csv", |text| {
-                let lines: Vec<&str> = text.lines().collect();
-                lines[..lines.len() - 1].join("\n") + "\n"
-            });
-        },
-        "refined.csv",
-    ),
+    ("the last halving left out", leave_out_the_last_halving, "refined.csv"),
     ("the halvings removed", |f| fs::remove_file(f.join("refined.csv")).unwrap(), "refine"),
     ("a round's edges", |f| edit_report(f, "/refined/rounds/0/edges", |n| json!(n.as_u64().unwrap() + 1)), "edges"),
     ("the tets before", |f| edit_report(f, "/refined/tets_before", |_| json!(1)), "before"),
     ("a round that raises K", |f| edit_report(f, "/refined/rounds/0/max_k", |_| json!(1.0)), "rises"),
     ("the rounds forgotten", |f| edit_report(f, "/refined", |_| Value::Null), "refine"),
 ];
+
+fn leave_out_the_last_halving(folder: &Path) {
+    edit_text(folder, "refined.csv", |text| {
+        let lines: Vec<&str> = text.lines().collect();
+        lines[..lines.len() - 1].join("\n") + "\n"
+    });
+}
 
 #[test]
 fn a_refined_run_is_verified_and_every_tampering_with_it_is_found() {
@@ -105,16 +104,7 @@ fn a_refined_mesh_of_tetgen_is_held_against_the_solid_and_the_start() {
                 |f| edit_maps(f, |m| m.start().last_mut().unwrap().x += 1e-6),
                 "of the start",
             ),
-            (
-                "the last halving left out",
-                |f| {
-                    edit_text(f, "refined.csv", |text| {
-                        let lines: Vec<&str> = text.lines().collect();
-                        lines[..lines.len() - 1].join("\n") + "\n"
-                    });
-                },
-                "refined.csv",
-            ),
+            ("the last halving left out", leave_out_the_last_halving, "refined.csv"),
         ],
     );
 }
