@@ -82,6 +82,11 @@ fn a_power_at_the_corners_of_a_cube_lowers_k_and_every_file_has_it() {
     // Two meshes alone have no powers, which is told.
     let (code, out, err) = qcball(folder.path(), &["measure", "power/domain.vtu", "power/image.vtu"]);
     assert!(code == 0 && out.contains("1152 tets") && err.contains("has powers at corners"), "{out}{err}");
+    for command in ["measure", "bounds"] {
+        let (code, out, _) = qcball(folder.path(), &[command, "power/domain.vtu", "power/image.vtu", "--json"]);
+        let figures: Value = serde_json::from_str(&out).unwrap();
+        assert!(code == 0 && figures["note"].as_str().unwrap().contains("has powers at corners"), "{command} {out}");
+    }
     // As a piecewise-linear map, finer towards the corners, that other programs read.
     let (code, said, err) = qcball(folder.path(), &["evaluate", "power", "linear-power", "--refine", "6"]);
     assert_eq!((code, err.as_str()), (0, ""));
@@ -194,6 +199,39 @@ fn exponents_are_found_that_are_no_worse_than_none() {
     // At 2.15, the root of 2 pi over the solid angle, the bound by solid angles is 1.
     assert!(exponents.len() == 6 && exponents.iter().all(|&p| 1.0 < p && p < 2.15), "{exponents:?}");
     assert_eq!(qcball(folder.path(), &["verify", "power"]).0, 0);
+}
+
+#[test]
+fn no_exponent_common_to_all_corners_is_better_than_those_that_are_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let tetrahedra =
+        ["0 0 0\n3 0.2 0.1\n0.4 1.1 0.2\n0.3 0.5 2.2\n", "0 0 0\n1.3 0.1 -0.2\n0.2 1.6 0.3\n-0.3 0.4 0.9\n"];
+    for (solid, corners) in tetrahedra.into_iter().enumerate() {
+        let faces = "3 0 2 1\n3 0 1 3\n3 1 2 3\n3 2 0 3\n";
+        fs::write(folder.path().join("a.off"), format!("OFF\n4 4 6\n{corners}{faces}")).unwrap();
+        for (values, subdivisions, layers) in [("sliding", 1, 2), ("sliding", 2, 2), ("fixed", 1, 3)] {
+            let k = |exponent: &str| {
+                let config = format!(
+                    "[domain]\nfile = \"a.off\"\n[mesh]\nkind = \"shell\"\nsubdivisions = {subdivisions}\nlayers = {layers}\n\
+                     [boundary]\nvalues = \"{values}\"\ncorners = {exponent}\n"
+                );
+                fs::write(folder.path().join("a.toml"), config).unwrap();
+                let (code, out, err) = qcball(folder.path(), &["run", "a.toml", "--out", "a", "--quiet", "--json"]);
+                assert!(code == 0, "{err}");
+                fs::remove_dir_all(folder.path().join("a")).unwrap();
+                max_k(&serde_json::from_str(&out).unwrap())
+            };
+            let found = k("\"power\"");
+            for exponent in ["1.0", "1.1", "1.25", "1.4", "1.7"] {
+                // What the polish may give up, twice, and the accuracy of a search.
+                let given = k(exponent);
+                assert!(
+                    found <= given * 1.002,
+                    "{solid} {values} {subdivisions} {layers}: {found}, {exponent}: {given}"
+                );
+            }
+        }
+    }
 }
 
 #[test]

@@ -84,6 +84,13 @@ fn a_dry_run_tells_of_corners_symmetry_and_refinement() {
     let text = printed(&dry_run(&format!("{flags}{powers}")));
     // The solid angle of a corner is pi / 2: p = 4^(1/4).
     assert!(text.contains("from 8 vertices, p = 1.4142, from which better ones are sought"), "{text}");
+    // Its start is that of a run without iterations, which seeks none.
+    let none = ["run", "-", "--set", "optimize.max_iterations=0", "--json", "--quiet"];
+    let report = printed(&qcball(folder.path(), &none, &format!("{flags}{powers}")));
+    let report: serde_json::Value = serde_json::from_str(&report).unwrap();
+    assert!((report["corners"][0]["exponent"].as_f64().unwrap() - 2f64.sqrt()).abs() < 1e-12);
+    let start = format!("max K {:.4}", report["initial"]["max_k"].as_f64().unwrap());
+    assert!(text.contains(&start) && text.contains("the start above is with these"), "{start} {text}");
     assert!(text.contains("its vertices slide") && text.contains("symmetric   9 mirror planes"), "{text}");
     // From such a centre no mirror image is the solid.
     let askew = coarse.replace("[mesh]", "centre = [0.2, 0.1, -0.15]\n[mesh]");

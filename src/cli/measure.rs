@@ -74,6 +74,8 @@ struct BoundFigures {
     limit: Limit,
     max_k: f64,
     ball_k: Option<BallDilatation>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    note: Option<String>,
 }
 
 /// What `measure --json` prints: the figures of the map, then the size of the mesh.
@@ -88,6 +90,8 @@ struct Figures<'a> {
     ball_reason: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     estimated: Option<Estimated>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    note: Option<String>,
 }
 
 /// The estimates, if they were asked for.
@@ -120,23 +124,26 @@ impl Estimated {
     }
 }
 
-/// Tells of corners that the meshes by themselves do not have.
-fn note_powers(rest: &Path, map: &GivenMap) {
+/// What corners have that the meshes by themselves do not; said on standard error too.
+fn note_of_powers(rest: &Path, map: &GivenMap) -> Option<String> {
     let beside = rest.with_file_name(CORNERS).is_file();
-    if beside || map.cell_data.iter().any(|(name, _)| name == CONE) {
-        let source = if beside { format!("the {CORNERS} beside it") } else { format!("its cell data {CONE:?}") };
-        note(&format!(
+    let has_powers = beside || map.cell_data.iter().any(|(name, _)| name == CONE);
+    let source = if beside { format!("the {CORNERS} beside it") } else { format!("its cell data {CONE:?}") };
+    let text = has_powers.then(|| {
+        format!(
             "{} has powers at corners, by {source}: these figures are of the piecewise-linear map without them; \
              those with them are in the report of its run, and `qcball verify` measures them anew",
             shown_path(rest)
-        ));
-    }
+        )
+    });
+    text.iter().for_each(|text| note(text));
+    text
 }
 
 /// `qcball measure`.
 pub(super) fn measure_map(arguments: &MeasureArguments) -> Result<Ending, Failure> {
     let map = read_map(&arguments.map.rest, &arguments.map.image)?;
-    note_powers(&arguments.map.rest, &map);
+    let note = note_of_powers(&arguments.map.rest, &map);
     let estimated = arguments.estimator.map(|estimator| Estimated::of(&map, estimator, arguments.weights));
     let GivenMap { domain, image, .. } = map;
     let measured = measure_onto_ball(&domain, &image);
@@ -153,6 +160,7 @@ pub(super) fn measure_map(arguments: &MeasureArguments) -> Result<Ending, Failur
             ball_fraction: ball.ball_fraction,
             ball_reason: ball.ball_reason,
             estimated,
+            note,
         }));
     }
     let mirrored = if summary.flipped == tets {
@@ -177,7 +185,7 @@ pub(super) fn bound_map(arguments: &BoundArguments) -> Result<Ending, Failure> {
         refuse_to_write_over([rest, image], [path])?;
     }
     let map = read_map(rest, image)?;
-    note_powers(rest, &map);
+    let of_powers = note_of_powers(rest, &map);
     let GivenMap { domain, image, units: [unit, _], .. } = map;
     let cancel = cancel_on_signal();
     let summary = measure_onto_ball(&domain, &image).summary;
@@ -205,7 +213,7 @@ pub(super) fn bound_map(arguments: &BoundArguments) -> Result<Ending, Failure> {
     let limit = Limit::of(max_k, &bounds, None, false);
     let ball = BallFigures::of(&domain, &image, &bounds, &summary);
     if *json {
-        print(&to_json(&BoundFigures { bounds, best, ball, limit, max_k, ball_k: summary.ball_k }))?;
+        print(&to_json(&BoundFigures { bounds, best, ball, limit, max_k, ball_k: summary.ball_k, note: of_powers }))?;
     } else {
         let columns = columns();
         let short = best_and_limit(columns, best, &limit) + &ball_lines(columns, &ball, None, &summary);

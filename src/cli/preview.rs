@@ -53,7 +53,11 @@ fn corners_in_words(corners: &Corners, choice: CornerChoice) -> String {
     let exponents = corners.exponents();
     let (least, most) = exponents.iter().fold((f64::INFINITY, 0.0_f64), |(a, b), (_, p)| (a.min(*p), b.max(*p)));
     let of = if least == most { number(least) } else { format!("{} to {}", number(least), number(most)) };
-    let sought = if choice == CornerChoice::Power { ", from which better ones are sought" } else { "" };
+    let sought = if choice == CornerChoice::Power {
+        ", from which better ones are sought: the start above is with these, that of the run with those found"
+    } else {
+        ""
+    };
     format!("corners     like r^p of the distance r from {} vertices, p = {of}{sought}\n", exponents.len())
 }
 

@@ -40,7 +40,7 @@ pub(super) fn chamber(start: &Start, image: &[Vec3]) -> Option<Vec<TetId>> {
 }
 
 /// Optimizes the images of the vertices for the exponents that a start's corners have; if they are to be found, for those that a search
-/// by K onto the polyhedron ends with: those for K onto the ball are about the same. Gives the corners with the exponents arrived at.
+/// by K onto the polyhedron ends with: those for K onto the ball are about the same. Without iterations none are sought. Gives the corners with the exponents arrived at.
 pub(super) fn optimize_warped(
     start: &Start,
     plan: &Plan,
@@ -58,14 +58,11 @@ pub(super) fn optimize_warped(
         let outcome = Outcome { stop, ..Outcome::still_flipped(untangled.positions.clone()) };
         return Ok((untangled, outcome, start.corners.clone()));
     }
-    let corners = match &start.corners {
-        Some(corners) if plan.corners == CornerChoice::Power => {
-            let first = Warped { corners: Some(corners), onto_ball: false, ..warped };
-            Some(first.exponents(&untangled.positions, settings)?)
-        }
-        corners => corners.clone(),
-    };
-    let warped = Warped { corners: corners.as_ref(), ..warped };
+    let warped = Warped { corners: start.corners.as_ref(), ..warped };
+    if start.corners.is_some() && plan.corners == CornerChoice::Power {
+        let (outcome, corners) = warped.optimize_exponents(&untangled.positions, settings, observe)?;
+        return Ok((untangled, outcome, Some(corners)));
+    }
     let outcome = warped.optimize(&untangled.positions, settings, observe)?;
-    Ok((untangled, outcome, corners))
+    Ok((untangled, outcome, start.corners.clone()))
 }

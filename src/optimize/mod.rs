@@ -42,7 +42,7 @@ pub use untangle::{
     Freed, Refined, Shapes, Tangled, Untangled, flipped_tets, refine_and_untangle, untangle, untangle_and_optimize,
     untangle_locally,
 };
-pub use warped::Warped;
+pub use warped::{BestExponents, Warped};
 
 /// Exponents of the continuation, each phase started from the last. Steps of about three: with larger ones the next
 /// phase starts far from its minimum and ends in a worse local one.

@@ -16,6 +16,8 @@
 
 mod exponents;
 
+pub use exponents::BestExponents;
+
 use std::time::Instant;
 
 use rayon::prelude::*;
@@ -74,9 +76,7 @@ impl Warped<'_> {
         settings: &OptimizeSettings,
         observe: &mut dyn FnMut(&TraceRow),
     ) -> Result<Outcome, OptimizeError> {
-        let rights = |tet: TetId| self.corners.map_or(Vec::new(), |corners| corners.factors(self.domain, tet));
-        let tets = self.tets();
-        let (plain, _) = self.chamber().with_factors(|tet| rights(tets[tet.index()]));
+        let (plain, _) = self.elements();
         if !self.onto_ball {
             return self.solved(&plain, Start::Anywhere, start, settings, &mut |row, _| observe(row));
         }
@@ -208,6 +208,16 @@ impl Warped<'_> {
     fn chamber(&self) -> Domain {
         self.mirrors
             .map_or_else(|| self.domain.clone(), |mirrors| self.domain.chamber(mirrors.vertices(), mirrors.tets()))
+    }
+
+    /// The elements of the tets that are solved for, and whose each is.
+    fn elements(&self) -> (Domain, Vec<TetId>) {
+        let rights = |tet: TetId| self.corners.map_or(Vec::new(), |corners| corners.factors(self.domain, tet));
+        self.chamber().with_factors(|tet| rights(self.tet_of_chamber(tet)))
+    }
+
+    fn tet_of_chamber(&self, tet: TetId) -> TetId {
+        self.mirrors.map_or(tet, |mirrors| mirrors.tets()[tet.index()])
     }
 
     fn restricted(&self, image: &[Vec3]) -> Vec<Vec3> {
