@@ -175,6 +175,33 @@ fn limits_end_the_epigraph_engines() {
     }
 }
 
+/// The map that a polish ends with is no iteration beyond the limit.
+#[test]
+fn no_engine_goes_beyond_the_iteration_limit() {
+    let problem = problems().pop().unwrap();
+    let fixed = problem.domain.boundary().vertex_mask();
+    let mut engines = vec![Engine::Newton, Engine::Lbfgs];
+    if cfg!(feature = "nlopt") {
+        engines.push(Engine::Mma);
+    }
+    let mut limited_in_the_polish = 0;
+    for engine in engines {
+        for max_iterations in (0..60).step_by(3) {
+            let settings = OptimizeSettings { engine, max_iterations, ..OptimizeSettings::default() };
+            let outcome = optimize(&problem.domain, &problem.start, fixed, &settings, &mut |_| {}).unwrap();
+            let rows = outcome.trace.len() - 1;
+            assert!(rows <= max_iterations, "{engine}: {rows} of {max_iterations}");
+            assert!(outcome.trace.iter().enumerate().all(|(index, row)| row.iteration == index));
+            let limited = outcome.stop == StopReason::IterationLimit && &*outcome.trace[rows].phase == "mean";
+            limited_in_the_polish += usize::from(limited);
+            // The final map has a row.
+            let max_k = problem.max_k(&outcome);
+            assert!(outcome.trace.iter().any(|row| (row.max_k - max_k).abs() <= 1e-9 * max_k), "{engine}: {max_k}");
+        }
+    }
+    assert!(limited_in_the_polish > 0);
+}
+
 #[test]
 fn lexicographic_levels_lower_what_lies_below_the_largest() {
     let mut lowered = Vec::new();

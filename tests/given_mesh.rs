@@ -160,6 +160,18 @@ fn tets_that_cannot_be_untangled_are_listed() {
     assert_eq!(report["untangling"]["resisting"], serde_json::json!([1]));
     assert_eq!(report["stop"], "still-flipped");
     assert!(paths[2].exists());
+    // Without a step there is nothing to say of what resists.
+    let output = |arguments: &[&str]| {
+        let mut command = Command::new(assert_cmd::cargo::cargo_bin!("qcball"));
+        let command = command.arg("optimize").args(&paths).args(["--keep-mesh", "--max-iterations", "0"]);
+        let output = command.args(arguments).assert().code(1);
+        String::from_utf8(output.get_output().stdout.clone()).unwrap().split_whitespace().collect::<Vec<_>>().join(" ")
+    };
+    let report: serde_json::Value = serde_json::from_str(&output(&["--json"])).unwrap();
+    assert_eq!((&report["stop"], &report["untangling"]["flipped_before"]), (&"iteration-limit".into(), &1.into()));
+    let summary = output(&[]);
+    assert!(summary.contains("untangled 1 flipped at the start, and no step was allowed"), "{summary}");
+    assert!(summary.contains("no iteration was allowed") && !summary.contains("refine the mesh"), "{summary}");
 }
 
 #[test]

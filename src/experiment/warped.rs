@@ -5,7 +5,7 @@ use super::start::Start;
 use crate::config::Plan;
 use crate::map::{CornerChoice, Corners};
 use crate::mesh::{BoundaryEdges, Features, Mirrors, TetId, Vec3, VertexId};
-use crate::optimize::{Outcome, StopReason, TraceRow, Untangled, Warped, untangle};
+use crate::optimize::{Outcome, TraceRow, Untangled, Warped, untangle};
 
 /// The mirror planes of a start's domain, about its star centre, that its image keeps.
 pub(crate) fn mirrors(start: &Start) -> Result<Mirrors, Fault> {
@@ -54,8 +54,7 @@ pub(super) fn optimize_warped(
     let untangled = untangle(domain, &start.image, fixed, settings, observe)?;
     let warped = Warped { domain, corners: None, mirrors: mirrors.as_ref(), onto_ball: plan.onto_ball };
     if !untangled.resisting.is_empty() {
-        let stop = StopReason::of(&settings.cancel).unwrap_or(StopReason::StillFlipped);
-        let outcome = Outcome { stop, ..Outcome::still_flipped(untangled.positions.clone()) };
+        let outcome = Outcome::still_flipped(untangled.positions.clone(), settings);
         return Ok((untangled, outcome, start.corners.clone()));
     }
     let warped = Warped { corners: start.corners.as_ref(), ..warped };

@@ -39,8 +39,8 @@ pub use recorder::KktResidual;
 use recorder::{Observe, PhaseEnd, Progress, Recorder};
 use region::Region;
 pub use untangle::{
-    Freed, Refined, Shapes, Tangled, Untangled, flipped_tets, refine_and_untangle, untangle, untangle_and_optimize,
-    untangle_locally,
+    Freed, Refined, Shapes, Tangled, Untangled, flipped_tets, free_and_optimize_one_of, refine_and_untangle, untangle,
+    untangle_and_optimize, untangle_locally,
 };
 pub use warped::{BestExponents, Warped};
 
@@ -206,10 +206,11 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    /// The outcome of a start that could not be untangled.
-    pub fn still_flipped(positions: Vec<Vec3>) -> Self {
-        let (stop, kkt) = (StopReason::StillFlipped, None);
-        Self { positions, stop, kkt, multipliers: Vec::new(), trace: Vec::new() }
+    /// The outcome of a start that was not untangled with these settings.
+    pub(crate) fn still_flipped(positions: Vec<Vec3>, settings: &OptimizeSettings) -> Self {
+        let of_no_step = (settings.max_iterations == 0).then_some(StopReason::IterationLimit);
+        let stop = StopReason::of(&settings.cancel).or(of_no_step).unwrap_or(StopReason::StillFlipped);
+        Self { positions, stop, kkt: None, multipliers: Vec::new(), trace: Vec::new() }
     }
 }
 

@@ -226,6 +226,10 @@ impl<'a> Recorder<'a> {
             Some(last) if &*last.phase == phase => last.phase.clone(),
             _ => phase.into(),
         };
+        // A phase may end with a map that is no further iteration: that after the last one allowed takes its place.
+        if self.rows.len() > self.max_iterations.max(1) {
+            self.rows.pop();
+        }
         let row = TraceRow {
             phase,
             iteration: self.rows.len(),

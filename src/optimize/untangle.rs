@@ -4,7 +4,7 @@ mod freed;
 mod local;
 mod refine;
 
-pub use freed::{Freed, Tangled, untangle_and_optimize};
+pub use freed::{Freed, Tangled, free_and_optimize_one_of, untangle_and_optimize};
 pub use local::{Shapes, untangle_locally};
 pub use refine::{Refined, refine_and_untangle};
 

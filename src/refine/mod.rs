@@ -454,8 +454,9 @@ mod tests {
     #[test]
     fn a_start_that_could_not_be_untangled_is_left_as_it_is() {
         let (domain, start, _) = cube();
-        let outcome = Outcome::still_flipped(start.clone());
-        let map = refine(domain, start, outcome, &OptimizeSettings::default(), &RefineSettings::default(), &mut |_| {});
+        let settings = OptimizeSettings::default();
+        let outcome = Outcome::still_flipped(start.clone(), &settings);
+        let map = refine(domain, start, outcome, &settings, &RefineSettings::default(), &mut |_| {});
         assert_eq!(map.unwrap().end, RefineEnd::NotSettled);
     }
 

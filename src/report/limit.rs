@@ -147,7 +147,9 @@ fn unsettled((stop, kkt): (StopReason, Option<KktResidual>)) -> Option<String> {
         StopReason::TimeLimit => Some("it reached its time limit".into()),
         StopReason::Cancelled => Some("it was interrupted".into()),
         StopReason::StillFlipped => Some("it could not begin".into()),
-        _ => residual.filter(|&r| r > UNSETTLED).map(|r| format!("its KKT residual is {r:.0e}")),
+        _ => residual
+            .filter(|&r| r > UNSETTLED)
+            .map(|r| format!("its steps became too small before K was stationary (its KKT residual is {r:.0e})")),
     }
 }
 

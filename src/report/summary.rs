@@ -63,7 +63,7 @@ pub fn summary_within(report: &Report, columns: usize) -> String {
             .achieved
             .untangling
             .as_ref()
-            .map(|u| labelled(columns, "untangled", &untangling_in_words(u, remedy)))
+            .map(|u| labelled(columns, "untangled", &untangling_in_words(u, report.achieved.stop, remedy)))
             .unwrap_or_default(),
         report
             .bottleneck
@@ -73,7 +73,7 @@ pub fn summary_within(report: &Report, columns: usize) -> String {
         refined_line(columns, &report.achieved),
         report.distortion.map(|distortion| distortion_in_words(columns, distortion, report)).unwrap_or_default(),
         labelled(columns, "bijective", &bijective),
-        labelled(columns, "stopped", &stop_in_words(report.achieved.stop, report.achieved.iterations)),
+        labelled(columns, "stopped", &stop_in_words(&report.achieved)),
         risen_warning(columns, &report.achieved),
         format!("\n{}", best_and_limit(columns, report.achieved.best, &report.achieved.limit)),
         ball_lines(columns, &report.achieved.ball, Some(&report.achieved.initial), &report.achieved.last),
@@ -201,7 +201,10 @@ fn refined_line(columns: usize, achieved: &Achieved) -> String {
     labelled(columns, "refined", &text)
 }
 
-fn untangling_in_words(untangling: &UntanglingFigures, remedy: &str) -> String {
+fn untangling_in_words(untangling: &UntanglingFigures, stop: StopReason, remedy: &str) -> String {
+    if untangling.iterations == 0 && stop == StopReason::IterationLimit {
+        return format!("{} flipped at the start, and no step was allowed", untangling.flipped_before);
+    }
     let mut steps = format!(
         "{} flipped at the start, {} step{}",
         untangling.flipped_before,
@@ -224,8 +227,10 @@ fn untangling_in_words(untangling: &UntanglingFigures, remedy: &str) -> String {
     } else {
         format!(" (common vertices: {})", list(untangling.common_vertices.iter().map(|v| v.0).collect()))
     };
+    // What a limit or a signal left flipped may not resist.
+    let remedy = if stop == StopReason::StillFlipped { format!("; {remedy}") } else { String::new() };
     format!(
-        "{steps}; {} tet{} left flipped: {}{common}; {remedy}",
+        "{steps}; {} tet{} left flipped: {}{common}{remedy}",
         untangling.resisting.len(),
         s(untangling.resisting.len()),
         list(untangling.resisting.iter().map(|t| t.0).collect())
@@ -256,7 +261,7 @@ pub fn map_summary(report: &MapReport, columns: usize) -> String {
             .achieved
             .untangling
             .as_ref()
-            .map(|u| labelled(columns, "untangled", &untangling_in_words(u, REFINE)))
+            .map(|u| labelled(columns, "untangled", &untangling_in_words(u, report.achieved.stop, REFINE)))
             .unwrap_or_default(),
         refined_line(columns, &report.achieved),
         labelled(
@@ -264,7 +269,7 @@ pub fn map_summary(report: &MapReport, columns: usize) -> String {
             "active",
             &format!("{} tet{} within 0.1 % of the max K", report.achieved.active, s(report.achieved.active)),
         ),
-        labelled(columns, "stopped", &stop_in_words(report.achieved.stop, report.achieved.iterations)),
+        labelled(columns, "stopped", &stop_in_words(&report.achieved)),
         risen_warning(columns, &report.achieved),
         time_line(report.achieved.times),
         format!("\n{limit}"),
@@ -323,10 +328,27 @@ fn bottleneck_in_words(bottleneck: &Bottleneck, decimals: Option<usize>) -> Stri
     }
 }
 
-fn stop_in_words(stop: StopReason, iterations: usize) -> String {
+/// Why an optimization ended, in words.
+fn stop_in_words(achieved: &Achieved) -> String {
+    let &Achieved { stop, kkt, iterations, .. } = achieved;
+    let untangling = achieved.untangling.as_ref().map_or(0, |untangling| untangling.iterations);
+    if stop == StopReason::IterationLimit && iterations + untangling == 0 {
+        return "no iteration was allowed: the final map is the start".into();
+    }
+    let crawled;
     let (why, remedy) = match stop {
         StopReason::Optimal => ("the largest K is at a stationary point (KKT residual at most 1e-6)", ""),
-        StopReason::Converged => ("converged", ""),
+        StopReason::Converged => match kkt {
+            None => ("converged", ""),
+            Some(kkt) => {
+                let residual = kkt.largest();
+                crawled = format!(
+                    "its steps became too small to gain more, but the largest K is not at a stationary point (KKT residual \
+                     {residual:.0e}; 1e-6 or less at one)"
+                );
+                (crawled.as_str(), "")
+            }
+        },
         StopReason::IterationLimit => ("iteration limit reached", "; a higher one may lower K further"),
         StopReason::TimeLimit => ("time limit reached", "; a longer one may lower K further"),
         StopReason::Cancelled => ("cancelled", "; this is the best map so far"),

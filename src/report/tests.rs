@@ -3,7 +3,7 @@ use crate::bound::{BoundName, Kind, LowerBound, Scope};
 use crate::domain::Domain;
 use crate::measure::{bottleneck, measure};
 use crate::mesh::{TetId, TetMesh, Vec3, VertexId};
-use crate::optimize::{StopReason, TraceRow};
+use crate::optimize::{KktResidual, StopReason, TraceRow};
 use crate::refine::{RefineEnd, Round};
 use crate::solid::StarCentre;
 
@@ -302,4 +302,18 @@ fn the_summary_tells_what_refinement_came_to_and_where_it_gained_nothing() {
     let text = told(max_k, vec![round(max_k)]);
     assert!(text.contains("they gained nothing: halving edges inside"), "{text}");
     assert!(!told(max_k, Vec::new()).contains("gained nothing"));
+}
+
+#[test]
+fn an_end_that_is_no_optimum_says_so() {
+    let (_folder, mut report) = write(false);
+    let text = |report: &Report| summary(report).split_whitespace().collect::<Vec<_>>().join(" ");
+    report.achieved.kkt = Some(KktResidual { primal: 0.0, dual: 1.0, complementarity: 0.0 });
+    let crawled = "stopped its steps became too small to gain more, but the largest K is not at a stationary point (KKT residual 1e0; \
+                   1e-6 or less at one) after 1 iteration";
+    assert!(text(&report).contains(crawled) && !text(&report).contains("converged"), "{}", text(&report));
+    (report.achieved.kkt, report.achieved.stop, report.achieved.iterations) = (None, StopReason::IterationLimit, 0);
+    assert!(text(&report).contains("stopped no iteration was allowed: the final map is the start"));
+    report.achieved.iterations = 3;
+    assert!(text(&report).contains("iteration limit reached after 3 iterations"));
 }

@@ -63,6 +63,13 @@ impl Tangled<'_> {
     }
 
     fn free(self, settings: &OptimizeSettings, observe: &mut dyn FnMut(&TraceRow)) -> Result<Freed, OptimizeError> {
+        if settings.max_iterations == 0 {
+            // The start is wanted as it is: not the second one for having fewer flips, and on no other mesh.
+            let untangled = Untangled::of_start(&self.domain, &self.start);
+            let flipped_before = untangled.resisting.len();
+            let Self { domain, start, .. } = self;
+            return Ok(Freed { domain, start, untangled, flipped_before, refinement_splits: 0, is_second: false });
+        }
         let mut best = self.attempt(&self.start, self.second.is_some(), settings, observe)?;
         if let Some(second) = &self.second
             && !best.untangled.resisting.is_empty()
@@ -123,6 +130,37 @@ impl Tangled<'_> {
     }
 }
 
+/// [`Tangled::free_and_optimize`] from a start and, as long as tets resist, from others that may take its place, each made from the one tried
+/// before it (`None`: not of that one). The start becomes the one that came to the fewest flipped tets, the first of equals.
+///
+/// # Errors
+/// As [`Tangled::free_and_optimize`].
+pub fn free_and_optimize_one_of<S: Clone>(
+    start: &mut S,
+    others: &[fn(&S) -> Option<S>],
+    tangled: impl Fn(&S) -> Tangled<'static>,
+    settings: &OptimizeSettings,
+    observe: &mut dyn FnMut(&TraceRow),
+) -> Result<(Freed, Outcome), OptimizeError> {
+    let settings = &settings.starting_now();
+    let (mut freed, mut outcome) = tangled(start).free_and_optimize(settings, observe)?;
+    let mut last: Option<S> = None;
+    for other in others {
+        if outcome.stop != StopReason::StillFlipped {
+            break;
+        }
+        let Some(next) = other(last.as_ref().unwrap_or(start)) else { continue };
+        let (mut of_next, outcome_of_next) = tangled(&next).free_and_optimize(settings, observe)?;
+        if of_next.untangled.resisting.len() < freed.untangled.resisting.len() {
+            of_next.untangled.iterations += freed.untangled.iterations;
+            of_next.untangled.seconds += freed.untangled.seconds;
+            (*start, freed, outcome) = (next.clone(), of_next, outcome_of_next);
+        }
+        last = Some(next);
+    }
+    Ok((freed, outcome))
+}
+
 /// One way to a map without flipped tets; the refined domain and the start on it, if edges had to be halved.
 struct Attempt {
     refined: Option<(Domain, Vec<Vec3>)>,
@@ -159,8 +197,7 @@ fn optimize_untangled(
     observe: &mut dyn FnMut(&TraceRow),
 ) -> Result<Outcome, OptimizeError> {
     if !untangled.resisting.is_empty() {
-        let stop = StopReason::of(&settings.cancel).unwrap_or(StopReason::StillFlipped);
-        return Ok(Outcome { stop, ..Outcome::still_flipped(untangled.positions.clone()) });
+        return Ok(Outcome::still_flipped(untangled.positions.clone(), settings));
     }
     if untangled.iterations == 0 || settings.boundary_values == BoundaryValues::Fixed {
         return optimize(domain, &untangled.positions, fixed, settings, observe);
@@ -186,4 +223,54 @@ fn optimize_untangled(
     let second = optimize(domain, &first.positions, fixed, &settings, &mut told)?;
     let trace = first.trace.into_iter().chain(second.trace.iter().map(in_sequence)).collect();
     Ok(Outcome { trace, ..second })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::fixtures::{cube, fan};
+
+    /// The identity of a cube, and its mirror image, which nothing inside makes positive.
+    fn tangled(mirrored: &bool) -> Tangled<'static> {
+        let domain = Domain::new(fan(&cube(), Vec3::zeros())).unwrap();
+        let sign = if *mirrored { -1.0 } else { 1.0 };
+        let start = domain.mesh().points().iter().map(|p| Vec3::new(sign * p.x, p.y, p.z)).collect();
+        Tangled { domain, start, second: None, fixed: None, may_refine: true }
+    }
+
+    fn freed(others: &[fn(&bool) -> Option<bool>], max_iterations: usize) -> (bool, Freed, Outcome) {
+        let settings = OptimizeSettings { max_iterations, ..OptimizeSettings::default() };
+        let mut start = true;
+        let (freed, outcome) = free_and_optimize_one_of(&mut start, others, tangled, &settings, &mut |_| {}).unwrap();
+        (start, freed, outcome)
+    }
+
+    #[test]
+    fn another_start_takes_the_place_of_one_that_resists() {
+        let none: fn(&bool) -> Option<bool> = |_| None;
+        let (start, of_first, outcome) = freed(&[none], 100);
+        assert!(start && outcome.stop == StopReason::StillFlipped);
+        assert_eq!((of_first.flipped_before, of_first.untangled.resisting.len()), (12, 12));
+        let (start, of_other, outcome) = freed(&[none, |mirrored| Some(!mirrored), |_| panic!("none resists")], 100);
+        assert!(!start && outcome.stop == StopReason::Optimal && of_other.untangled.resisting.is_empty());
+        assert_eq!(of_other.untangled.iterations, of_first.untangled.iterations);
+        // One that is no better does not.
+        let (start, ..) = freed(&[|mirrored| Some(*mirrored)], 100);
+        assert!(start);
+    }
+
+    #[test]
+    fn without_a_step_the_first_start_is_left_as_it_is() {
+        let (start, freed, outcome) = freed(&[|_| panic!("no other is wanted")], 0);
+        assert!(start && outcome.stop == StopReason::IterationLimit && outcome.positions == freed.start);
+        assert_eq!((freed.flipped_before, freed.untangled.resisting.len(), freed.untangled.iterations), (12, 12, 0));
+        // Nor does a second one of no flips count.
+        let Tangled { start: identity, .. } = tangled(&false);
+        let two = Tangled { second: Some(identity), ..tangled(&true) };
+        let settings = OptimizeSettings { max_iterations: 0, ..OptimizeSettings::default() };
+        let (freed, _) = two.clone().free_and_optimize(&settings, &mut |_| {}).unwrap();
+        assert_eq!((freed.is_second, freed.flipped_before), (false, 12));
+        let (freed, outcome) = two.free_and_optimize(&OptimizeSettings::default(), &mut |_| {}).unwrap();
+        assert_eq!((freed.is_second, freed.flipped_before, outcome.stop), (true, 0, StopReason::Optimal));
+    }
 }
