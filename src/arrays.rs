@@ -14,12 +14,16 @@ use crate::bound::certificate::{self, Certificate};
 use crate::bound::{self, LowerBound, confront};
 use crate::cancel::Cancel;
 use crate::domain::Domain;
-use crate::map::{RadialCoordinates, RayEnd, bijectivity, caraman, spherical_starts};
+use crate::map::{
+    RadialCoordinates, RayEnd, SphericalStarts, bijectivity, caraman, spherical_starts, spherical_starts_over_collar,
+};
 use crate::measure::{Summary, measure as measure_domain, measure_onto_ball};
 use crate::mesh::{MeshError, TetMesh, Unit, Vec3, VertexId, full_boundary};
-use crate::optimize::{BoundaryValues, OptimizeSettings, StopReason, Tangled, TraceRow};
+use crate::optimize::{
+    BoundaryValues, Freed, OptimizeSettings, Outcome, StopReason, Tangled, TraceRow, free_and_optimize_one_of,
+};
 use crate::solid::{
-    CentreChoice, CentreError, KernelError, Refinement, ShellSettings, Surface, shell_mesh, star_centre,
+    CentreChoice, CentreError, KernelError, Refinement, ShellSettings, Surface, shell_mesh_until, star_centre,
 };
 use crate::sphere::SphereSettings;
 
@@ -110,10 +114,13 @@ pub struct MeasuredTets {
 
 /// Maps a solid, given by its tets, onto the unit ball with the largest dilatation as small as the method can make it. The
 /// boundary vertices of a star-shaped solid go to the sphere along the rays from the star centre, those of others by
-/// [`crate::sphere::sphere_map`], and stay there.
+/// [`crate::sphere::sphere_map`], and stay there. Where tets of the start resist untangling, the other way is tried after the first
+/// ([`BoundaryMap::Auto`]), and then one over a collar of as many tets again next to the boundary (unless [`BoundaryMap::Radial`]);
+/// `stop` is [`StopReason::StillFlipped`] where tets resist in all of them.
 ///
 /// Tets with all four vertices on the boundary are split, since nothing could change their dilatation, and so are edges about
-/// the last tets that a start cannot be untangled at: `tets` and `points` of the result may have more rows than were given.
+/// the last tets that a start cannot be untangled at, and those of a collar: `tets` and `points` of the result may have more rows than were
+/// given; the points given come first.
 ///
 /// # Errors
 /// [`ArrayError`]; how the optimization ends is data in the result.
@@ -164,7 +171,7 @@ pub fn ball_map_observed(
         }
         None => None,
     };
-    mapped(domain, unit, radial, settings, observe)
+    mapped(BallStart::new(domain, radial, settings.boundary)?, unit, settings, observe)
 }
 
 /// The same of a solid given by the triangles of its surface: it is filled with shells of tets about the star centre, which it
@@ -190,32 +197,81 @@ pub fn ball_map_of_surface(
     };
     let refinement = Some(cells.map_or(Refinement::USUAL, Refinement::Cells));
     let shells = ShellSettings { subdivisions: 1, refinement, layers: 8, grading: 1.0 };
-    let shell = shell_mesh(&surface, centre, &shells)?;
+    let shell = shell_mesh_until(&surface, centre, &shells, &settings.optimize.cancel)?;
     let radial = (settings.boundary != BoundaryMap::Spherical)
         .then(|| (centre, caraman(&RadialCoordinates::of_shell(&shell), settings.exponent)));
-    mapped(Domain::new(shell.mesh)?, unit, radial, settings, observe)
+    // A collar is for tets over boundary faces that share an apex, which shells have none of.
+    let start = BallStart::new(Domain::new(shell.mesh)?, radial, settings.boundary)?;
+    mapped(BallStart { may_have_collar: false, ..start }, unit, settings, observe)
 }
 
-/// From the star centre and the radial map, or else from a map of the boundary onto the sphere.
-fn mapped(
+/// What a map onto the ball is made from.
+#[derive(Clone)]
+struct BallStart {
     domain: Domain,
+    /// The star centre of a radial start.
+    centre: Option<Vec3>,
+    image: Vec<Vec3>,
+    second: Option<Vec<Vec3>>,
+    /// Whether a spherical start may take the place of this radial one, where its tets resist untangling.
+    may_be_spherical: bool,
+    /// Whether one over a collar may take the place of a spherical one, likewise.
+    may_have_collar: bool,
+}
+
+impl BallStart {
+    /// The radial start, or else the spherical one.
+    fn new(domain: Domain, radial: Option<(Vec3, Vec<Vec3>)>, boundary: BoundaryMap) -> Result<Self, ArrayError> {
+        let may_have_collar = boundary != BoundaryMap::Radial;
+        Ok(match radial {
+            Some((centre, image)) => {
+                let may_be_spherical = boundary == BoundaryMap::Auto;
+                Self { domain, centre: Some(centre), image, second: None, may_be_spherical, may_have_collar }
+            }
+            None => {
+                let starts = spherical_starts(&domain, &SphereSettings::default())?;
+                Self { may_have_collar, ..Self::spherical(domain, starts) }
+            }
+        })
+    }
+
+    fn spherical(domain: Domain, starts: SphericalStarts) -> Self {
+        let (image, second) = (starts.hyperbolic, Some(starts.harmonic));
+        Self { domain, centre: None, image, second, may_be_spherical: false, may_have_collar: false }
+    }
+
+    fn in_spherical(&self) -> Option<Self> {
+        let starts =
+            self.may_be_spherical.then(|| spherical_starts(&self.domain, &SphereSettings::default()).ok())??;
+        let may_have_collar = self.may_have_collar;
+        Some(Self { may_have_collar, ..Self::spherical(self.domain.clone(), starts) })
+    }
+
+    fn over_collar(&self) -> Option<Self> {
+        let (domain, starts, _) = self.may_have_collar.then(|| spherical_starts_over_collar(&self.domain))??;
+        Some(Self::spherical(domain, starts))
+    }
+
+    fn tangled(&self) -> Tangled<'static> {
+        let Self { domain, image, second, .. } = self.clone();
+        Tangled { domain, start: image, second, fixed: None, may_refine: true }
+    }
+}
+
+/// From a start or, where its tets resist, from one that may take its place.
+fn mapped(
+    mut start: BallStart,
     unit: Unit,
-    radial: Option<(Vec3, Vec<Vec3>)>,
     settings: &BallMapSettings,
     observe: &mut dyn FnMut(&TraceRow),
 ) -> Result<MappedMesh, ArrayError> {
-    let (centre, start, second) = match radial {
-        Some((centre, start)) => (Some(centre), start, None),
-        None => {
-            let starts = spherical_starts(&domain, &SphereSettings::default())?;
-            (None, starts.hyperbolic, Some(starts.harmonic))
-        }
-    };
-    let tangled = Tangled { domain, start, second, fixed: None, may_refine: true };
-    let mut map = improved(tangled, [unit, Unit::default()], &settings.optimize, observe)?;
+    let others = [BallStart::in_spherical, BallStart::over_collar];
+    let (freed, outcome) =
+        free_and_optimize_one_of(&mut start, &others, BallStart::tangled, &settings.optimize, observe)?;
+    let mut map = improved(freed, outcome, [unit, Unit::default()]);
     // Where the boundary slid, its values are the radial ones no more.
     let radial = settings.optimize.boundary_values == BoundaryValues::Fixed;
-    map.bound(centre.filter(|_| radial), settings.certify);
+    map.bound(start.centre.filter(|_| radial), settings.certify);
     map.arrays()
 }
 
@@ -290,7 +346,8 @@ pub fn optimize_observed(
     let on_boundary = domain.boundary().vertex_mask();
     let boundary_is_fixed = fixed.is_none_or(|fixed| on_boundary.iter().zip(fixed).all(|(&on, &fixed)| fixed || !on));
     let tangled = Tangled { domain, start, second: None, fixed, may_refine: true };
-    let mut map = improved(tangled, [unit, of_image], settings, observe)?;
+    let (freed, outcome) = tangled.free_and_optimize(settings, observe)?;
+    let mut map = improved(freed, outcome, [unit, of_image]);
     if boundary_is_fixed {
         map.bound(None, None);
     }
@@ -351,16 +408,10 @@ struct Improved {
     certificate: Option<Certificate>,
 }
 
-fn improved(
-    tangled: Tangled<'_>,
-    units: [Unit; 2],
-    settings: &OptimizeSettings,
-    observe: &mut dyn FnMut(&TraceRow),
-) -> Result<Improved, ArrayError> {
-    let (freed, outcome) = tangled.free_and_optimize(settings, observe)?;
+fn improved(freed: Freed, outcome: Outcome, units: [Unit; 2]) -> Improved {
     let domain = freed.domain;
     let (image, stop, trace) = (outcome.positions, outcome.stop, outcome.trace);
-    Ok(Improved { domain, units, image, stop, trace, bounds: Vec::new(), certificate: None })
+    Improved { domain, units, image, stop, trace, bounds: Vec::new(), certificate: None }
 }
 
 fn bounds_of(

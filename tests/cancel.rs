@@ -4,10 +4,11 @@ use std::path::Path;
 use std::time::Duration;
 
 use qcball::bound::certificate;
-use qcball::experiment::{self, Event, GivenMap, optimize_map};
+use qcball::experiment::{self, Event, GivenMap, RunError, Stage, optimize_map};
 use qcball::mesh::{TetMesh, Vec3, VertexId};
 use qcball::optimize::{OptimizeSettings, StopReason, untangle};
 use qcball::report::write_results;
+use qcball::solid::{Refinement, ShellError, shell_mesh_until};
 use qcball::{
     Cancel, Domain, Plan, RadialCoordinates, ShellSettings, Solid, bound, caraman, shell_mesh, star_centre, verify,
 };
@@ -58,14 +59,14 @@ fn untangling_ends_at_the_time_limit_of_the_optimization_and_when_it_is_cancelle
 fn a_run_that_is_interrupted_writes_the_map_it_has_without_what_takes_long_and_is_verified() {
     let folder = tempfile::tempdir().unwrap();
     let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/smoke.toml");
-    // Before anything, and after some iterations.
+    // Before the first iteration, and after some.
     for rows in [0, 3] {
         let plan = Plan::read(&config, &[]).unwrap();
         let mut seen = 0;
         let cancel = &plan.optimize.cancel;
         let finished = experiment::run_and_tell(&plan, &mut |event| {
             seen += usize::from(matches!(event, Event::Row(_)));
-            if seen >= rows {
+            if !matches!(event, Event::Stage(Stage::Starting)) && seen >= rows {
                 cancel.raise();
             }
         })
@@ -79,6 +80,27 @@ fn a_run_that_is_interrupted_writes_the_map_it_has_without_what_takes_long_and_i
         let found = verify::verify(&out).unwrap();
         assert!(found.verified, "{found}");
     }
+}
+
+/// Millions of tets would take a minute.
+#[test]
+fn shells_that_are_interrupted_are_no_map() {
+    let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/smoke.toml");
+    for mesh in ["mesh.subdivisions=800", "mesh.cells=20_000_000", "mesh.edge_length=1e-3"] {
+        let plan = Plan::read(&config, &[mesh.into(), "mesh.layers=4".into()]).unwrap();
+        let cancel = &plan.optimize.cancel;
+        let interrupted = experiment::run_and_tell(&plan, &mut |event| match event {
+            Event::Stage(Stage::Starting) => _ = cancel.raise(),
+            other => panic!("{mesh}: {other:?}"),
+        });
+        assert!(matches!(interrupted, Err(RunError::Interrupted)), "{mesh}: {interrupted:?}");
+    }
+    let surface = Solid::Cube.surface().unwrap();
+    let settings = ShellSettings { subdivisions: 1, refinement: Some(Refinement::USUAL), layers: 2, grading: 1.0 };
+    let raised = Cancel::default();
+    assert!(shell_mesh_until(&surface, Vec3::zeros(), &settings, &raised).is_ok());
+    raised.raise();
+    assert_eq!(shell_mesh_until(&surface, Vec3::zeros(), &settings, &raised).err(), Some(ShellError::Cancelled));
 }
 
 #[test]

@@ -108,3 +108,22 @@ fn a_surface_is_filled_and_its_boundary_goes_where_it_is_asked_to() {
     let spherical = of(&settings);
     assert!(!kept(&spherical) && spherical.bijective && spherical.points == radial.points);
 }
+
+#[test]
+fn a_start_that_resists_has_others_that_may_take_its_place() {
+    let domain = Domain::new(fan(&cube(), Vec3::zeros())).unwrap();
+    let radial = || Some((Vec3::zeros(), domain.mesh().points().to_vec()));
+    let start = |radial, boundary| BallStart::new(domain.clone(), radial, boundary).unwrap();
+    let first = start(radial(), BoundaryMap::Auto);
+    let spherical = first.in_spherical().expect("a cube has no handles");
+    assert!(first.centre.is_some() && spherical.centre.is_none() && spherical.second.is_some());
+    assert_eq!(spherical.image, start(None, BoundaryMap::Spherical).image);
+    let over_collar = spherical.over_collar().expect("a cube is a ball");
+    // The vertices that were given come first, and the collar has up to as many tets again.
+    let points = over_collar.domain.mesh().points();
+    assert!((13..=24).contains(&over_collar.domain.mesh().tets().len()) && points.len() == over_collar.image.len());
+    assert_eq!(points[..9], *domain.mesh().points());
+    assert!(spherical.in_spherical().is_none() && over_collar.over_collar().is_none());
+    let kept = start(radial(), BoundaryMap::Radial);
+    assert!(kept.in_spherical().is_none() && kept.over_collar().is_none());
+}

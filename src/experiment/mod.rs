@@ -22,6 +22,7 @@ use crate::mesh::io::shown_path;
 use crate::mesh::{TetId, Unit, Vec3, VertexId};
 use crate::optimize::{
     Freed, OptimizeSettings, Outcome, Polish, StopReason, Tangled, TraceRow, Untangled, flipped_tets,
+    free_and_optimize_one_of,
 };
 use crate::refine::{RefinedMap, refine};
 use crate::report::{MapRecord, RefinedFigures, Report, Times, UntanglingFigures, trace_hash};
@@ -200,11 +201,7 @@ fn stages(plan: &Plan, tell: &mut dyn FnMut(Event)) -> Result<Finished, RunError
     let clock = Instant::now();
     tell(Event::Stage(Stage::Starting));
     let cancel = &plan.optimize.cancel;
-    let mut start = match Start::of(plan) {
-        // A mesher that was ended is no fault of the input.
-        Err(_) if cancel.is_raised() => return Err(RunError::Interrupted),
-        start => start?,
-    };
+    let mut start = Start::of(plan)?;
     tell(Event::Stage(Stage::Optimizing));
     let Optimized { untangled, flipped_before, refinement_splits, outcome, refined, halved } =
         optimized(&mut start, plan, &mut |row| tell(Event::Row(row))).map_err(RunError::at(&start.origin.clone()))?;
@@ -272,32 +269,15 @@ fn optimized(start: &mut Start, plan: &Plan, observe: &mut dyn FnMut(&TraceRow))
             polish: if plan.refine.is_some() { Polish::None } else { settings.polish },
             ..settings.clone()
         };
-        let free_and_optimize = |start: &Start, observe: &mut dyn FnMut(&TraceRow)| {
-            let tangled = Tangled {
-                domain: start.domain.clone(),
-                start: start.image.clone(),
-                second: start.second.clone(),
-                fixed: None,
-                may_refine: !plan.keep_mesh,
-            };
-            tangled.free_and_optimize(&first, observe)
+        let tangled = |start: &Start| Tangled {
+            domain: start.domain.clone(),
+            start: start.image.clone(),
+            second: start.second.clone(),
+            fixed: None,
+            may_refine: !plan.keep_mesh,
         };
-        let (mut freed, mut outcome) = free_and_optimize(start, observe)?;
-        let mut last: Option<Start> = None;
-        for next in [Start::in_spherical, Start::over_collar] {
-            let resisting = freed.untangled.resisting.len();
-            if resisting == 0 || outcome.stop != StopReason::StillFlipped || settings.max_iterations == 0 {
-                break;
-            }
-            let Some(next) = next(last.as_ref().unwrap_or(start)) else { continue };
-            let (mut other, of_other) = free_and_optimize(&next, observe)?;
-            if other.untangled.resisting.len() < resisting {
-                other.untangled.iterations += freed.untangled.iterations;
-                other.untangled.seconds += freed.untangled.seconds;
-                (*start, freed, outcome) = (next.clone(), other, of_other);
-            }
-            last = Some(next);
-        }
+        let others = [Start::in_spherical, Start::over_collar];
+        let (freed, outcome) = free_and_optimize_one_of(start, &others, tangled, &first, observe)?;
         start.take_freed(&freed);
         let Freed { untangled, flipped_before, refinement_splits, .. } = freed;
         let optimized =

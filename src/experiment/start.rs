@@ -13,14 +13,15 @@ use crate::cancel::Cancel;
 use crate::config::{DomainSource, InitialMap, MeshPlan, Plan};
 use crate::dilatation::number;
 use crate::domain::Domain;
-use crate::map::{AnalyticMap, Corners, RadialCoordinates, RayEnd, caraman, spherical_starts};
+use crate::map::{AnalyticMap, Corners, RadialCoordinates, RayEnd, SphericalStarts, caraman, spherical_starts};
 use crate::measure::{Measured, measure_onto_ball_until, measure_warped_onto_ball};
 use crate::mesh::io::{ReadError, SolidFile, read_solid, read_surface, shown_path};
 use crate::mesh::{Orientation, PolygonSoup, Subdivision, TetMesh, TetSoup, Unit, Vec3, VertexId, orientation};
 use crate::report::{MapFigures, RefinementFigures, Splits};
 use crate::solid::{
-    CentreError, ExternalSettings, KernelError, Refinement, ShellSettings, StarCentre, Surface, best_radial_exponent,
-    check_filled, external_mesh, flag_mesh, inscribed_stretch, radial_max_dilatation, shell_mesh, star_centre,
+    CentreError, ExternalSettings, KernelError, Refinement, ShellError, ShellSettings, StarCentre, Surface,
+    best_radial_exponent, check_filled, external_mesh, flag_mesh, inscribed_stretch, radial_max_dilatation,
+    shell_mesh_until, star_centre,
 };
 use crate::sphere::SphereSettings;
 
@@ -59,8 +60,14 @@ pub(crate) struct Start {
 }
 
 impl Start {
+    /// # Errors
+    /// What is wrong with the solid; [`RunError::Interrupted`] if the plan's work was cancelled before there was a map.
     pub fn of(plan: &Plan) -> Result<Self, RunError> {
-        Self::without_corners(plan)?.with_corners(plan)
+        match Self::without_corners(plan).and_then(|start| start.with_corners(plan)) {
+            // A mesher that was ended is no fault of the input.
+            Err(_) if plan.optimize.cancel.is_raised() => Err(RunError::Interrupted),
+            start => start,
+        }
     }
 
     /// The cones of the corners, if the plan warps them.
@@ -208,7 +215,7 @@ impl Start {
         plan: &Plan,
         unit: Unit,
     ) -> Result<Self, Fault> {
-        let shell = shell_mesh(surface, centre.position, settings)?;
+        let shell = shell_mesh_until(surface, centre.position, settings, &plan.optimize.cancel)?;
         let idle =
             (plan.collar > 0.0).then(|| "the solid was meshed in shells, so that boundary.collar had no effect".into());
         let mut coordinates = RadialCoordinates::of_shell(&shell);
@@ -226,7 +233,11 @@ impl Start {
             }
             refinement = Some(RefinementFigures { triangles_before: surface.triangles().len(), largest_stretch });
         }
-        let (domain, splits) = between_corners(Domain::new(shell.mesh)?, plan)?;
+        let domain = Domain::new(shell.mesh)?;
+        if plan.optimize.cancel.is_raised() {
+            return Err(ShellError::Cancelled.into());
+        }
+        let (domain, splits) = between_corners(domain, plan)?;
         if splits.is_some() {
             coordinates = RadialCoordinates::of_domain(&domain, surface, centre.position, RayEnd::Only)?;
         }
@@ -349,6 +360,10 @@ impl Start {
     /// The boundary onto the sphere by progressive embedding, the inside in balance between its neighbours.
     fn of_sphere(domain: Domain, weights: &SphereSettings) -> Result<Self, Fault> {
         let starts = spherical_starts(&domain, weights)?;
+        Ok(Self::of_starts(domain, starts))
+    }
+
+    fn of_starts(domain: Domain, starts: SphericalStarts) -> Self {
         let map = MapFigures {
             map: Self::FIRST.into(),
             radial_exponent: None,
@@ -356,7 +371,7 @@ impl Start {
             closed_form_k: None,
             boundary_map: Some(starts.distortion),
         };
-        Ok(Self { second: Some(starts.harmonic), ..Self::with(domain, starts.hyperbolic, map) })
+        Self { second: Some(starts.harmonic), ..Self::with(domain, starts.hyperbolic, map) }
     }
 
     /// A map of a domain, in units of 1 and with nothing to say of where it is from.

@@ -16,4 +16,4 @@ pub use corner::{Cone, CornerChoice, CornerError, Corners, Elements, Warp};
 pub use evaluate::{Evaluator, EvaluatorError, Located, Onto};
 pub use harmonic::{harmonic, hyperbolic_harmonic};
 pub use radial::{RadialCoordinates, RayEnd, RayError, Rays, by_ray_casting, caraman};
-pub use spherical::{SphericalStarts, spherical_starts};
+pub use spherical::{AREA_WEIGHT_OVER_COLLAR, SphericalStarts, spherical_starts, spherical_starts_over_collar};

@@ -18,7 +18,7 @@ use qcball::solid::{CentreChoice, StarKernel, Surface};
 use qcball::sphere::SphereSettings;
 use qcball::{LowerBound, Vec3, VertexId};
 
-use task::Options;
+use task::{Options, array_error};
 
 fn value_error(error: impl ToString) -> PyErr {
     PyValueError::new_err(error.to_string())
@@ -126,7 +126,7 @@ fn ball_map<'py>(
         let tets = cells_of::<4>(cells);
         options.run(py, &cancel, |observe| arrays::ball_map_observed(&points, &tets, &settings, observe))
     };
-    map_to_python(py, &map?.map_err(value_error)?)
+    map_to_python(py, &map?.map_err(array_error)?)
 }
 
 #[pyfunction]

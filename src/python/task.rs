@@ -7,9 +7,11 @@ use std::time::Duration;
 use pyo3::exceptions::{PyKeyboardInterrupt, PyOSError, PyRuntimeError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use qcball::arrays::ArrayError;
 use qcball::experiment::{self, Finished, RunError, on_threads};
 use qcball::optimize::{BoundaryValues, OptimizeSettings, Polish, TraceRow};
 use qcball::report::{write_pages_of, write_results};
+use qcball::solid::ShellError;
 use qcball::sweep::{Case, Ended, Event, Sweep, SweepFolder, SweepSettings, write_index};
 use qcball::{Cancel, Plan};
 
@@ -63,6 +65,14 @@ impl Options {
         })?;
         watch.ended()?;
         done.map_err(value_error)
+    }
+}
+
+/// An error before there was a map: the caller's own signal, or a fault of the arrays.
+pub(super) fn array_error(error: ArrayError) -> PyErr {
+    match error {
+        ArrayError::Shell(ShellError::Cancelled) => PyKeyboardInterrupt::new_err("there was no map yet"),
+        error => value_error(error),
     }
 }
 

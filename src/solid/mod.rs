@@ -37,6 +37,8 @@ pub use polygon::PolygonError;
 pub use radial::{best_radial_exponent, radial_max_dilatation};
 pub use refine::inscribed_stretch;
 pub use repair::RepairSettings;
-pub use shell::{MOST_TETS, MOST_TETS_FOR_BALL, Refinement, ShellError, ShellMesh, ShellSettings, shell_mesh};
+pub use shell::{
+    MOST_TETS, MOST_TETS_FOR_BALL, Refinement, ShellError, ShellMesh, ShellSettings, shell_mesh, shell_mesh_until,
+};
 pub use surface::{Surface, SurfaceEdge, SurfaceError};
 pub use voxelize::{Grid, VoxelizeError, Voxels, voxelize};

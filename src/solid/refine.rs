@@ -11,17 +11,18 @@ pub(super) struct Triangles {
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// Splits every triangle into `n^2` similar ones; points on an edge are shared by its two triangles.
-pub(super) fn subdivide(surface: &Surface, n: u32) -> Triangles {
+/// Splits every triangle into `n^2` similar ones; points on an edge are shared by its two triangles. What is there is given back
+/// once it is not wanted any more.
+pub(super) fn subdivide(surface: &Surface, n: u32, wanted: impl Fn() -> bool) -> Triangles {
     let mut points = surface.points().to_vec();
     let mut on_edge: HashMap<(u32, u32, u32), u32> = HashMap::new();
     let mut triangles = Vec::with_capacity(surface.triangles().len() * (n * n) as usize);
-    for triangle in surface.triangles() {
+    for triangle in surface.triangles().iter().take_while(|_| wanted()) {
         let [a, b, c] = triangle.map(|v| v.0);
         let corners = [a, b, c].map(|v| surface.points()[v as usize]);
         // Lattice point (i, j): i steps from a towards b, j towards c.
         let mut lattice = HashMap::new();
-        for i in 0..=n {
+        for i in (0..=n).take_while(|_| wanted()) {
             for j in 0..=n - i {
                 let k = n - i - j;
                 let mut edge_point = |low: u32, high: u32, steps: u32| {
@@ -50,7 +51,7 @@ pub(super) fn subdivide(surface: &Surface, n: u32) -> Triangles {
                 lattice.insert((i, j), index);
             }
         }
-        for i in 0..n {
+        for i in (0..n).take_while(|_| wanted()) {
             for j in 0..n - i {
                 triangles.push([lattice[&(i, j)], lattice[&(i + 1, j)], lattice[&(i, j + 1)]]);
                 if i + j + 1 < n {
@@ -140,12 +141,12 @@ pub(super) fn halve_longest(mesh: &mut Triangles, more: impl Fn(f64, usize) -> b
 }
 
 /// Halves edges, seen from `centre`, until no triangle's image on the sphere has a [`stretch`] above `most_stretch`, or there
-/// are more than `most` triangles.
+/// are so many triangles that `more(their number)` is false.
 ///
 /// The edge that is halved is the longest, in the image, of both its triangles: from a triangle that is too large a path of
 /// ever longer edges leads to it (Rivara's longest-edge propagation). So the images' angles stay bounded below by half the
 /// smallest of the start, and those of long thin triangles grow.
-pub(super) fn refine_onto_ball(mesh: &mut Triangles, centre: &Vec3, most_stretch: f64, most: usize) {
+pub(super) fn refine_onto_ball(mesh: &mut Triangles, centre: &Vec3, most_stretch: f64, more: impl Fn(usize) -> bool) {
     let mut images: Vec<Vec3> = mesh.points.iter().map(|p| (p - centre).normalize()).collect();
     let mut sides = Sides::of(&mesh.triangles);
     let longest = |images: &[Vec3], triangle: &[u32; 3]| {
@@ -158,7 +159,7 @@ pub(super) fn refine_onto_ball(mesh: &mut Triangles, centre: &Vec3, most_stretch
         if !is_too_large(&mesh.triangles[index as usize]) {
             continue;
         }
-        if mesh.triangles.len() > most {
+        if !more(mesh.triangles.len()) {
             return;
         }
         let mut edge = longest(&images, &mesh.triangles[index as usize]);

@@ -5,6 +5,7 @@
 //! its vertices on the boundary.
 
 use super::refine::{halve_longest, refine_onto_ball, subdivide};
+use crate::cancel::Cancel;
 use crate::mesh::{MeshError, PolygonSoup, TetMesh, Vec3, VertexId};
 use crate::solid::{Surface, SurfaceError};
 
@@ -66,6 +67,9 @@ pub enum ShellError {
     /// The refined surface is not one.
     #[error("the refined surface is degenerate: {0}")]
     Surface(#[from] SurfaceError),
+    /// [`shell_mesh_until`] was cancelled.
+    #[error("the shell mesh was cancelled before it was made")]
+    Cancelled,
 }
 
 impl ShellSettings {
@@ -104,6 +108,20 @@ pub struct ShellMesh {
 /// # Errors
 /// See [`ShellError`].
 pub fn shell_mesh(surface: &Surface, centre: Vec3, settings: &ShellSettings) -> Result<ShellMesh, ShellError> {
+    shell_mesh_until(surface, centre, settings, &Cancel::default())
+}
+
+/// [`shell_mesh`], unless it is cancelled, which is looked at all the time: many millions of tets take many seconds. A deadline is of no
+/// account.
+///
+/// # Errors
+/// As [`shell_mesh`], and [`ShellError::Cancelled`].
+pub fn shell_mesh_until(
+    surface: &Surface,
+    centre: Vec3,
+    settings: &ShellSettings,
+    cancel: &Cancel,
+) -> Result<ShellMesh, ShellError> {
     check(settings)?;
     let per_triangle = 3 * settings.layers as usize - 2;
     let triangles = surface.triangles().len() * (settings.subdivisions as usize).pow(2);
@@ -114,23 +132,31 @@ pub fn shell_mesh(surface: &Surface, centre: Vec3, settings: &ShellSettings) -> 
     if wanted > MOST_TETS {
         return Err(ShellError::TooLarge { tets: wanted });
     }
-    let mut soup = subdivide(surface, settings.subdivisions);
+    let wanted_still = || !cancel.is_raised();
+    let go_on = || if wanted_still() { Ok(()) } else { Err(ShellError::Cancelled) };
+    let mut soup = subdivide(surface, settings.subdivisions, wanted_still);
+    go_on()?;
     let most = MOST_TETS / per_triangle;
     match settings.refinement {
         Some(Refinement::EdgeLength(wanted)) => {
-            halve_longest(&mut soup, |length, triangles| length > wanted && triangles <= most)
+            halve_longest(&mut soup, |length, triangles| length > wanted && triangles <= most && wanted_still())
         }
-        Some(Refinement::Cells(wanted)) => halve_longest(&mut soup, |_, triangles| triangles * per_triangle < wanted),
+        Some(Refinement::Cells(wanted)) => {
+            halve_longest(&mut soup, |_, triangles| triangles * per_triangle < wanted && wanted_still())
+        }
         Some(Refinement::Ball(wanted)) => {
-            refine_onto_ball(&mut soup, &centre, wanted, MOST_TETS_FOR_BALL / per_triangle);
+            let most = MOST_TETS_FOR_BALL / per_triangle;
+            refine_onto_ball(&mut soup, &centre, wanted, |triangles| triangles <= most && wanted_still());
         }
         None => {}
     }
+    go_on()?;
     if soup.triangles.len() > most {
         return Err(ShellError::TooLarge { tets: soup.triangles.len() * per_triangle });
     }
     let polygons = soup.triangles.into_iter().map(|t| t.map(VertexId).to_vec()).collect();
     let surface = Surface::from_soup(PolygonSoup::new(soup.points, polygons))?;
+    go_on()?;
     layered(surface, centre, &layer_fractions(settings.layers, settings.grading))
 }
 

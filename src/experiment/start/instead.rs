@@ -1,8 +1,7 @@
 //! What takes the place of a start whose tets resist untangling.
 
 use super::Start;
-use crate::domain::Domain;
-use crate::mesh::collar;
+use crate::map::{AREA_WEIGHT_OVER_COLLAR, spherical_starts_over_collar};
 use crate::optimize::Freed;
 use crate::report::Splits;
 use crate::sphere::SphereSettings;
@@ -14,9 +13,6 @@ impl Start {
     pub(super) const SECOND: &str = "spherical, harmonic inside";
     /// What either adds where it is over a collar.
     const COLLAR: &str = ", areas weighed too, over a collar";
-    /// Weight of the areas in the boundary map over a collar. A heart of 610 tets, 14 vertices of them inside, keeps flipped tets with 0 and any
-    /// collar, and with 0.03 to 0.5 and none; with this and collars of a half on it has none.
-    const AREA_WEIGHT: f64 = 0.2;
 
     /// Takes over what untangling did, which may have refined the domain and gone back to the second positions.
     pub fn take_freed(&mut self, freed: &Freed) {
@@ -42,20 +38,17 @@ impl Start {
 
     /// The spherical start over a collar of as many tets again, with areas weighed in its boundary map, if it may take the place of this one.
     pub fn over_collar(&self) -> Option<Self> {
-        let (mesh, boundary) = (self.domain.mesh(), self.domain.boundary());
-        let tets_before = mesh.tets().len();
-        let collar = self.may_have_collar.then(|| collar(mesh, boundary, 2 * tets_before))?;
-        let domain = Domain::new(collar.mesh().ok()?).ok()?;
-        let weights = SphereSettings { area_weight: Self::AREA_WEIGHT, ..SphereSettings::default() };
-        let Self { domain, image, second, mut map, .. } = Self::of_sphere(domain, &weights).ok()?;
+        let tets_before = self.domain.mesh().tets().len();
+        let (domain, starts, edges) = self.may_have_collar.then(|| spherical_starts_over_collar(&self.domain))??;
+        let Self { domain, image, second, mut map, .. } = Self::of_starts(domain, starts);
         map.map.push_str(Self::COLLAR);
         let before = self.splits.unwrap_or(Splits { tets_before, ..Splits::default() });
-        let splits = Some(Splits { collar: collar.edge_splits(), ..before });
+        let splits = Some(Splits { collar: edges, ..before });
         let mut warnings = self.warnings.clone();
         warnings.push(format!(
             "tets of the start resisted untangling: it was made again over a collar, with areas weighed in the boundary map, as by \
              boundary.collar = 1 and map.area_weight = {}",
-            Self::AREA_WEIGHT
+            AREA_WEIGHT_OVER_COLLAR
         ));
         Some(Self { domain, image, second, map, splits, warnings, may_have_collar: false, ..self.clone() })
     }

@@ -91,8 +91,8 @@ def ball_map(
     points : (n, 3) numbers
     cells : (m, 4) integers, tets in either orientation, whose union is a ball; tets with all vertices on the boundary are split.
         Or (m, 3) integers, the triangles of a closed surface, which is filled with tets if it is star-shaped
-    boundary : where the boundary goes: "radial", along the rays from the centre; "spherical", by `sphere_map`; "auto", along rays
-        where the solid is star-shaped
+    boundary : where the boundary goes: "radial", along the rays from the centre; "spherical", by `sphere_map`, and where tets of that start
+        stay flipped, once more over a collar of added tets; "auto", along rays where the solid is star-shaped and no tet stays flipped
     values : "fixed", the boundary stays there; "sliding", its vertices move on the sphere with the others
     cells_wanted : about how many tets a surface is filled with; by default as many as make the image nearly a ball, as for the command
     centre : the point that goes to the middle of the ball; by default the centre of the largest ball of star centres
@@ -114,6 +114,8 @@ def ball_map(
     ------
     ValueError
         what is wrong with the arrays, naming the row; a mesh that is no ball; a surface that is not star-shaped
+    KeyboardInterrupt
+        Ctrl-C before there was a map
     """
     positions = points_of("points", points)
     given = np.asarray(cells)
