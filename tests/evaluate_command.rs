@@ -6,7 +6,7 @@ use std::path::Path;
 use assert_cmd::Command;
 use assert_cmd::cargo::cargo_bin;
 use qcball::Vec3;
-use qcball::mesh::io::{read_points, read_tets};
+use qcball::mesh::io::{read_points, read_tet_file, read_tets};
 
 /// Exit code, standard output and standard error.
 fn qcball(folder: &Path, arguments: &[&str]) -> (i32, String, String) {
@@ -124,6 +124,43 @@ fn what_one_direction_wrote_the_other_takes_back() {
     for row in [&rows[0], &rows[2]] {
         // The inverse solves three equations in doubles.
         assert!((0..3).all(|axis| (row[9 + axis] - row[1 + axis]).abs() < 1e-12), "{row:?}");
+    }
+}
+
+/// Of points alone, and of a mesh, whose vertices are in the domain.
+#[test]
+fn what_one_direction_wrote_to_a_vtu_the_other_takes_back() {
+    let folder = cube();
+    let at = |name: &str| folder.path().join(name);
+    fs::write(at("in.csv"), "x,y,z\n0.1,0.2,0.3\n2,0,0\n-0.7,0.6,0.1\n").unwrap();
+    for (points, outside) in [("in.csv", 1), ("run/domain.vtu", 0)] {
+        let given = read_points(&at(points)).unwrap().points;
+        let evaluated = |arguments: &[&str], array: Option<&str>| {
+            let (code, out, err) = qcball(folder.path(), &[&["evaluate", "run"], arguments].concat());
+            let begin = format!("{} points, {outside} of them outside", given.len());
+            assert!(code == 0 && out.starts_with(&begin), "{arguments:?}: {out}{err}");
+            assert!(array.map_or(err.is_empty(), |name| err.contains(name)), "{arguments:?}: {err}");
+        };
+        evaluated(&[points, "there.vtu"], None);
+        evaluated(&["there.vtu", "back.vtu", "--inverse"], Some("image_position"));
+        evaluated(&["back.vtu", "again.csv"], Some("domain_position"));
+        evaluated(&["there.vtu", "back.csv", "--inverse"], Some("image_position"));
+        // What goes nowhere stays where it was, and nothing comes back to it.
+        let back = read_tet_file(&at("back.vtu")).unwrap();
+        assert_eq!(back.soup.points, given);
+        let array = |name: &str| back.point_vectors.iter().find(|(other, _)| other == name).map(|(_, values)| values);
+        let [there, found] = ["image_position", "domain_position"].map(|name| array(name).expect(name));
+        let (header, rows) = table(&at("back.csv"));
+        assert_eq!(header[..3], ["image_x", "image_y", "image_z"]);
+        assert_eq!(header[5..], ["domain_x", "domain_y", "domain_z"]);
+        for (index, (point, back)) in given.iter().zip(found).enumerate() {
+            if outside == 1 && index == 1 {
+                assert!(back.x.is_nan() && there[index].x.is_nan() && rows[index][0].is_nan());
+            } else {
+                assert!((back - point).norm() < 1e-12, "{point:?}: {back:?}");
+                assert_eq!(rows[index][..3], *there[index].as_slice());
+            }
+        }
     }
 }
 

@@ -25,8 +25,9 @@ use crate::solid::MOST_TETS;
 pub(crate) struct EvaluateArguments {
     /// The folder of a run, or another with a domain.vtu and an image.vtu.
     result: PathBuf,
-    /// The points: a .csv file with columns x, y and z, or what this command wrote in the other direction, or the points of any mesh
-    /// or surface file. With --refine, none.
+    /// The points: a .csv file with columns x, y and z, or the points of any mesh or surface file. Of a .csv or .vtu file that has the
+    /// image of each point, such as this command and a run write, --inverse takes these images; without it, where a file has the points
+    /// that images come from, those are taken. With --refine, none.
     #[arg(required_unless_present = "refine")]
     points: Option<PathBuf>,
     /// The file for the points and their images: .csv or .vtu. With --refine, the folder for domain.vtu and image.vtu.
@@ -34,7 +35,8 @@ pub(crate) struct EvaluateArguments {
     /// What the map is taken onto.
     #[arg(long, value_name = "IMAGE", value_enum, default_value = "polyhedron")]
     onto: Target,
-    /// The points are points of the image; find those of the domain that go there.
+    /// The points are points of the image (columns image_x, image_y, image_z or the array image_position of what was written without
+    /// --inverse); find those of the domain that go there.
     #[arg(long)]
     inverse: bool,
     /// Write the piecewise-linear map, for programs that know of no powers at corners, which agrees with the map at the vertices of a
@@ -89,6 +91,9 @@ pub(super) fn evaluate(arguments: &EvaluateArguments) -> Result<Ending, Failure>
     // What one direction wrote is what the other reads.
     let table = points.as_ref().map(|points| read_points_under(points, if *inverse { "image_" } else { "domain_" }));
     let table = table.transpose()?;
+    if let Some((points, (array, _))) = points.as_ref().zip(table.as_ref().and_then(|table| table.array.as_ref())) {
+        note(&format!("{}: its array {array} is taken, not where its points lie", shown_path(points)));
+    }
     let map = read_map(&domain, &image)?;
     let onto = match onto {
         Target::Polyhedron => Onto::Polyhedron,

@@ -47,8 +47,8 @@ pub struct Located {
 
 /// The piecewise-linear map of a domain and its inverse, for many points: the tets are kept in trees.
 ///
-/// In which tet a point lies is decided by exact predicates. A point outside of the mesh by at most 1e-12 of its size
-/// counts as one of the boundary. An image that overlaps itself has several inverses; the one in the tet of the lowest
+/// In which tet a point lies is decided by exact predicates. A point outside of the mesh by at most 1e-12 of its size, or by the rounding
+/// of its coordinates, counts as one of the boundary. An image that overlaps itself has several inverses; the one in the tet of the lowest
 /// number is given.
 ///
 /// ```
@@ -265,6 +265,27 @@ mod tests {
             map.inverse(&Vec3::zeros()).map(|found| map.at(&found.position).unwrap().position.norm() < 1e-15),
             Some(true)
         );
+    }
+
+    #[test]
+    fn a_solid_far_from_0_holds_the_points_that_its_inverse_gives() {
+        let (near, image) = bent(&Solid::Cube);
+        // A unit in the last place of its coordinates is 1.2e-10 of its half-extent.
+        let far: Vec<Vec3> = near.mesh().points().iter().map(|p| p + Vec3::new(1e6, -1e6, 1e6)).collect();
+        let domain = Domain::new(crate::TetMesh::new(far.clone(), near.mesh().tets().to_vec()).unwrap()).unwrap();
+        let map = Evaluator::new(&domain, &image, Onto::Ball).unwrap();
+        assert!(far.iter().all(|point| map.at(point).is_some()));
+        let mut number = numbers(3);
+        for _ in 0..2_000 {
+            let direction = Vec3::new(number(), number(), number()).normalize();
+            let x = map.inverse(&direction).expect("on the sphere").position;
+            let back = map.at(&x).expect("on the boundary").position;
+            // Four units of the last place, stretched by less than 100.
+            assert!((back - direction).norm() < 1e-7, "{direction:?}: {back:?}");
+            // A millionth of the size outside is outside.
+            let centre = Vec3::new(1e6, -1e6, 1e6);
+            assert_eq!(map.at(&(centre + (x - centre) * (1.0 + 1e-6))), None);
+        }
     }
 
     #[test]

@@ -10,6 +10,9 @@ use crate::mesh::{Orientation, TetId, TetMesh, Vec3, VertexId, orientation};
 /// A point outside of every tet by at most this times the size of the mesh counts as one of the boundary: the points that
 /// other programs put on a boundary are off it by their own rounding.
 const SLACK: f64 = 1e-12;
+/// The same in units in the last place of the largest coordinate, for solids that are small beside their distance from 0: the weighted mean of four
+/// corners that the inverse gives is off by up to four of them in each coordinate, and the power at a corner stretches that by its exponent.
+const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
 /// Tets of positive volume in a hierarchy of boxes, for many questions.
 pub(super) struct Locator {
@@ -34,7 +37,8 @@ impl Locator {
             let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(x), b.max(x)));
             high - low
         };
-        let slack = SLACK * (0..3).map(extent).fold(0.0, f64::max);
+        let farthest = points.iter().map(|point| point.amax()).fold(0.0, f64::max);
+        let slack = SLACK * (0..3).map(extent).fold(0.0, f64::max) + ROUNDING * farthest;
         let tet = |(index, tet): (u32, &[VertexId; 4])| {
             let corners = tet.map(|v| points[v.index()]);
             Tet { index, corners, slack, node: 0 }

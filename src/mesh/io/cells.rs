@@ -7,6 +7,9 @@ use crate::mesh::{PolygonSoup, TetSoup, Vec3, VertexId};
 /// Named scalar arrays with one number a tet.
 pub type CellData = Vec<(String, Vec<f64>)>;
 
+/// Named arrays with one vector a point.
+pub type PointVectors = Vec<(String, Vec<Vec3>)>;
+
 /// A mesh and what its file says of each tet.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TetFile {
@@ -16,7 +19,7 @@ pub struct TetFile {
     /// not read.
     pub cell_data: CellData,
     /// The arrays of vectors on the points, in the file's order; read of VTU files only.
-    pub point_vectors: Vec<(String, Vec<Vec3>)>,
+    pub point_vectors: PointVectors,
     /// How many vertices, lines, triangles and other cells of lower dimension were skipped.
     pub skipped_cells: usize,
 }

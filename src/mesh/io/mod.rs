@@ -27,7 +27,7 @@ mod write;
 pub(crate) use text::{is_harmful, on_one_line};
 
 pub use atomic::{WriteError, check_file_can_be_put, check_folder_is_writable, write_atomically};
-pub use cells::{CellData, TetFile};
+pub use cells::{CellData, PointVectors, TetFile};
 pub use format::{SurfaceFormat, TetFormat};
 pub use medit::{read_medit, write_medit};
 #[cfg(feature = "cli")]
@@ -162,16 +162,20 @@ pub enum SolidFile {
 /// # Errors
 /// [`ReadError`], with the path and, where the format allows it, the line or the element.
 pub fn read_solid(path: &Path) -> Result<SolidFile, ReadError> {
-    match TetFormat::of(path) {
-        None => read_surface(path).map(SolidFile::Surface),
-        Some(format) => {
-            let contents = read_cells(path, format)?;
-            if contents.is_surface() {
-                contents.into_surface().map(SolidFile::Surface).map_err(at(path))
-            } else {
-                Ok(SolidFile::Tets(contents.tets.soup))
-            }
-        }
+    read_solid_and_vectors(path).map(|(solid, _)| solid)
+}
+
+/// The same with the arrays of vectors on the points that a VTU file has.
+fn read_solid_and_vectors(path: &Path) -> Result<(SolidFile, PointVectors), ReadError> {
+    let Some(format) = TetFormat::of(path) else {
+        return Ok((SolidFile::Surface(read_surface(path)?), PointVectors::new()));
+    };
+    let mut contents = read_cells(path, format)?;
+    let vectors = std::mem::take(&mut contents.tets.point_vectors);
+    if contents.is_surface() {
+        Ok((SolidFile::Surface(contents.into_surface().map_err(at(path))?), vectors))
+    } else {
+        Ok((SolidFile::Tets(contents.tets.soup), vectors))
     }
 }
 

@@ -4,8 +4,8 @@ use std::io;
 use std::path::Path;
 
 use super::format::ending_of;
-use super::vtk::{DataArray, write_points_vtu, write_vtu};
-use super::{ReadError, SolidFile, WriteError, read_bytes, read_solid, text, write_atomically};
+use super::vtk::{DataArray, Values, write_points_vtu, write_vtu};
+use super::{ReadError, SolidFile, WriteError, read_bytes, read_solid_and_vectors, text, write_atomically};
 use crate::mesh::{Vec3, VertexId};
 
 const USE_POINT_ENDING: &str = "use .csv or .vtu";
@@ -17,6 +17,8 @@ pub struct PointTable {
     pub points: Vec<Vec3>,
     /// The tets, if the file is a mesh of tets.
     pub tets: Vec<[VertexId; 4]>,
+    /// The name of the array of a VTU file that `points` are of, and the file's own points, where the tets are.
+    pub array: Option<(String, Vec<Vec3>)>,
     /// The names of a CSV file's columns, else x, y and z.
     header: Vec<String>,
     /// A CSV file's rows, as they are written there.
@@ -32,7 +34,9 @@ pub fn read_points(path: &Path) -> Result<PointTable, ReadError> {
     read_points_under(path, "")
 }
 
-/// The same, but of a `.csv` file that has columns with these names behind `prefix` those, as `qcball evaluate` writes them. Its other columns are then left out. A row that has none of the three is a point of NaN.
+/// The same, but of a `.csv` file that has columns with these names behind `prefix` those, and of a `.vtu` file that has an array of the
+/// name `position` behind it on its points that one, as `qcball evaluate` writes them. What it says of other points is then left out. A row that
+/// has none of the three is a point of NaN.
 ///
 /// # Errors
 /// As [`read_points`].
@@ -40,16 +44,25 @@ pub fn read_points_under(path: &Path, prefix: &str) -> Result<PointTable, ReadEr
     if ending_of(path) == "csv" {
         return read_csv(path, prefix);
     }
-    let (points, tets) = match read_solid(path)? {
+    let (solid, arrays) = read_solid_and_vectors(path)?;
+    let (points, tets) = match solid {
         SolidFile::Surface(soup) => (soup.points, Vec::new()),
         SolidFile::Tets(soup) => (soup.points, soup.tets),
     };
+    let name = format!("{prefix}position");
+    let found = arrays.into_iter().find(|(other, values)| *other == name && values.len() == points.len());
+    if let Some((_, positions)) = found.filter(|_| !prefix.is_empty()) {
+        let field = |x: &f64| if x.is_finite() { x.to_string() } else { String::new() };
+        let rows = positions.iter().map(|point| point.iter().map(field).collect()).collect();
+        let header = ["x", "y", "z"].map(|axis| format!("{prefix}{axis}")).to_vec();
+        return Ok(PointTable { points: positions, tets, array: Some((name, points)), header, rows });
+    }
     // Here one counts that no polygon or tet names.
     if let Some(vertex) = super::first_not_finite(&points) {
         return Err(ReadError::NotFinite { path: path.into(), line: None, vertex });
     }
     let rows = points.iter().map(|point| point.iter().map(f64::to_string).collect()).collect();
-    Ok(PointTable { points, tets, header: ["x", "y", "z"].map(String::from).to_vec(), rows })
+    Ok(PointTable { points, tets, array: None, header: ["x", "y", "z"].map(String::from).to_vec(), rows })
 }
 
 /// What [`read_points_under`] leaves out but for the columns that it reads: what was said of other points.
@@ -106,7 +119,7 @@ fn read_csv(path: &Path, prefix: &str) -> Result<PointTable, ReadError> {
         rows.push(kept.iter().map(|&at| record[at].to_string()).collect());
     }
     let header = kept.iter().map(|&at| header[at].clone()).collect();
-    Ok(PointTable { points, tets: Vec::new(), header, rows })
+    Ok(PointTable { points, tets: Vec::new(), array: None, header, rows })
 }
 
 /// Whether [`PointTable::write`] knows the ending of `path`: to be asked before any work.
@@ -124,7 +137,7 @@ pub fn check_points_can_be_written(path: &Path) -> Result<(), WriteError> {
 
 impl PointTable {
     /// Writes the points with further columns to a `.csv` file, or with further data to a `.vtu` file, in which the tets are
-    /// cells, or each point if there are none.
+    /// cells, or each point if there are none. The points of an array stay one there.
     ///
     /// The columns are those of the file that was read, followed by `columns`. A number has all its digits; where there is
     /// none (`None`) its field is empty.
@@ -142,10 +155,15 @@ impl PointTable {
     ) -> Result<(), WriteError> {
         check_points_can_be_written(path)?;
         if ending_of(path) == "vtu" {
+            let (places, mut data) = match &self.array {
+                None => (&self.points, Vec::new()),
+                Some((name, places)) => (places, vec![DataArray { name, values: Values::Vectors(&self.points) }]),
+            };
+            data.extend_from_slice(point_data);
             return if self.tets.is_empty() {
-                write_points_vtu(path, &self.points, point_data)
+                write_points_vtu(path, places, &data)
             } else {
-                write_vtu(path, &self.points, &self.tets, point_data, &[])
+                write_vtu(path, places, &self.tets, &data, &[])
             };
         }
         if let Some((name, _)) = columns.iter().find(|(name, _)| self.header.iter().any(|other| other == name)) {
