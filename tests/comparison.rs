@@ -120,6 +120,8 @@ fn bad_analytic_configs_are_refused_and_nothing_is_written() {
     let mesh = "[[analytic.meshes]]\ndomain = { solid = \"torus\" }\n";
     let map = "maps = [{ kind = \"power\", exponent = 2 }]\n";
     for (text, part) in [
+        ("analytic = 1\n".into(), "`analytic`: invalid type: integer `1`, expected the table [analytic]"),
+        (format!("[analytic]\nmap = 1\n{mesh}"), "unknown key `analytic.map`"),
         (format!("[analytic]\nmaps = [{{ kind = \"caraman\", exponent = -1 }}]\n{mesh}"), "map 1: exponent is -1"),
         (
             format!(

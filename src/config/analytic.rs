@@ -9,6 +9,7 @@ use serde::{Deserialize, Deserializer};
 
 use super::error::{ConfigError, Fault, reworded};
 use super::mesh::{self, MeshPlan};
+use super::source::key_at;
 use super::{Config, DomainTable, MeshTable, plan, solid};
 use crate::estimate::{Estimator, Weights};
 use crate::map::AnalyticMap;
@@ -18,7 +19,7 @@ use crate::solid::{CentreChoice, Solid, Voxels};
 
 /// A config with the table `[analytic]`, key by key as typed.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a config")]
 pub(super) struct AnalyticConfig {
     /// Name of the run. Default: the config file's name without its ending.
     name: Option<String>,
@@ -28,7 +29,7 @@ pub(super) struct AnalyticConfig {
 
 /// The table `[analytic]`.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "the table [analytic]")]
 struct AnalyticTable {
     /// The maps, each with its `kind` and parameters.
     maps: Vec<MapPlan>,
@@ -45,7 +46,7 @@ struct AnalyticTable {
 
 /// The table `[analytic.pictures]`.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "the table [analytic.pictures]")]
 struct PicturesTable {
     /// What is shown, a picture each.
     colours: Vec<Colour>,
@@ -56,7 +57,7 @@ struct PicturesTable {
 
 /// One of `[[analytic.meshes]]`.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table of [[analytic.meshes]]")]
 struct AnalyticMesh {
     /// A built-in solid with its parameters, as in the table `[domain]` of other configs. Its `centre` is that of the map
     /// "caraman" and of shell meshes.
@@ -206,7 +207,8 @@ impl AnalyticPlan {
             return Ok(None);
         }
         let config: AnalyticConfig = toml::from_str(text).map_err(|error| {
-            let (message, help) = reworded(error.message(), None);
+            let key = error.span().and_then(|span| key_at(text, &span));
+            let (message, help) = reworded(error.message(), key.as_deref());
             ConfigError::content(path, text, error.span(), message, help)
         })?;
         let made = Self::new(path, text, config);

@@ -125,6 +125,7 @@ pub(super) fn reworded(message: &str, key: Option<&str>) -> (String, String) {
     let plain = message
         .replace("expected i64", "expected a whole number")
         .replace("expected f64", "expected a number")
+        .replace("wanted string or table", "expected a word between quotes")
         .replace("a sequence", "a list");
     let what = key.map_or(plain.clone(), |key| format!("`{key}`: {plain}"));
     (what, schema.to_string())

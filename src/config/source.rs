@@ -84,6 +84,16 @@ impl ConfigSource {
             let help = if is_toml(path) { help } else { not_a_config(path) };
             ConfigError::content(path, &text, span, message, help)
         };
+        if let Some((name, span)) = listed_table(&text) {
+            let message = format!("`{name}` is a list, where the table [{name}] is expected");
+            return Err(ConfigError::content(
+                path,
+                &text,
+                Some(span),
+                message,
+                format!("write [{name}], not [[{name}]]"),
+            ));
+        }
         let mut config: Config = toml::from_str(&text).map_err(fault)?;
         let merged: toml::Table = toml::from_str(&text).map_err(fault)?;
         let mut source = Self { path: path.to_path_buf(), text, overrides: Vec::new(), merged };
@@ -278,6 +288,16 @@ fn value_of(text: &str) -> toml::Value {
         .unwrap_or_else(|| toml::Value::String(text.trim().to_string()))
 }
 
+/// A table of a config that stands as a list of such, which serde would take for the values of its keys in a row.
+fn listed_table(text: &str) -> Option<(&'static str, Range<usize>)> {
+    const TABLES: [&str; 8] = ["domain", "mesh", "map", "boundary", "optimize", "refine", "bounds", "sweep"];
+    let parsed = DeTable::parse(text).ok()?;
+    parsed.get_ref().iter().find_map(|(name, value)| {
+        let table = TABLES.into_iter().find(|table| name.get_ref() == table)?;
+        matches!(value.get_ref(), DeValue::Array(_)).then(|| (table, name.span()))
+    })
+}
+
 /// Where the deepest part of the key that the text has stands.
 fn span_of(text: &str, key: &[String]) -> Option<Range<usize>> {
     let parsed = DeTable::parse(text).ok()?;
@@ -296,7 +316,7 @@ fn span_of(text: &str, key: &[String]) -> Option<Range<usize>> {
 }
 
 /// The dotted key at whose name or value a fault lies.
-fn key_at(text: &str, fault: &Range<usize>) -> Option<String> {
+pub(super) fn key_at(text: &str, fault: &Range<usize>) -> Option<String> {
     fn search(table: &DeTable, fault: &Range<usize>, prefix: &str) -> Option<String> {
         table.iter().find_map(|(name, value)| {
             let key = format!("{prefix}{}", name.get_ref());

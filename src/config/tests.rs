@@ -280,6 +280,12 @@ fn faults_name_line_key_and_remedy() {
         ("threads = -1\n[domain]\nsolid = \"cube\"", &["case.toml:1: `threads` is -1"]),
         ("name = \"../up\"\n[domain]\nsolid = \"cube\"", &["case.toml:1: the name \"../up\""]),
         ("name = \"\"\n[domain]\nsolid = \"cube\"", &["case.toml:1: the name \"\""]),
+        (
+            "[[mesh]]\nlayers = 3\n[domain]\nsolid = \"cube\"",
+            &["case.toml:1: `mesh` is a list", "write [mesh], not [[mesh]]"],
+        ),
+        (&format!("{cube}[map]\nkind = \"composition\"\nmaps = [1]"), &["case.toml:5: `map.maps`", "expected a map {"]),
+        (&format!("{cube}[map]\nkind = 1"), &["case.toml:4: `map.kind`: expected a word"]),
         ("boundary = 1\n[domain]\nsolid = \"cube\"", &["case.toml:1: `boundary`", "the table [boundary]"]),
         ("[domain\nsolid = \"cube\"", &["case.toml:1: "]),
         ("[domain]\nsolid = \"cube\"\nsolid = \"ball\"", &["case.toml:3: ", "duplicate key"]),

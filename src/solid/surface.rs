@@ -285,7 +285,8 @@ impl Surface {
 /// The triangles with a note of how many vertices became one with another.
 fn told(mut triangles: Triangles, spared: usize) -> Triangles {
     if spared > 0 {
-        triangles.notes.push(format!("{spared} vertices became one with another at the same place"));
+        let vertices = if spared == 1 { "vertex" } else { "vertices" };
+        triangles.notes.push(format!("{spared} {vertices} became one with another at the same place"));
     }
     triangles
 }

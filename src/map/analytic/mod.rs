@@ -57,7 +57,7 @@ pub enum MapError {
 /// A map that a formula gives; `kind` in a config, with the parameters as further keys.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
-#[serde(tag = "kind", rename_all = "kebab-case")]
+#[serde(tag = "kind", rename_all = "kebab-case", expecting = "a map { kind = ..., ... }")]
 pub enum AnalyticMap {
     /// x -> A x + b.
     Affine(Affine),
