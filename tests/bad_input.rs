@@ -134,7 +134,9 @@ fn surfaces() -> Vec<Case> {
         block(&[":14: face 5", "vertex 9", "8 vertices", "correct it"], &|t| t.replace("2 4 8 6", "2 4 9 6")),
         block(&[":8: vertex 7", "not finite", "give it numbers"], &|t| t.replace("v 1 1 1", "v 1 nan 1")),
         block(&[":8: vertex 7", "needs three numbers"], &|t| t.replace("v 1 1 1", "v 1 one 1")),
-        block(&["is not closed: 4 edges", "[1.0, 0.0, 0.0]", "fill the holes"], &|t| t.replace("f 2 4 8 6\n", "")),
+        block(&["is not closed: 4 edges", "[1.0, 0.0, 0.0]", "fill the holes", "domain.fill_holes"], &|t| {
+            t.replace("f 2 4 8 6\n", "")
+        }),
         block(&["in the same direction", "reverse the vertex order"], &|t| t.replace("2 4 8 6", "6 8 4 2")),
         block(&["polygon 0", "its outline crosses itself"], &|t| t.replace("f 1 3 4 2", "f 1 3 2 4")),
         block(&["share the edge", "keep two"], &|t| format!("{t}v 2 2 2\nf 1 2 9\n")),

@@ -172,3 +172,46 @@ fn a_signal_ends_a_run_while_it_is_meshing() {
     assert!(output.status.code() == Some(130) && said.contains("interrupted before there was a map"), "{said}");
     assert!(!at("results/a/report.json").exists());
 }
+
+/// A mesher whose file never comes to its end, which nothing that reads it looks up from.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_signal_ends_a_run_that_has_no_map_yet_whatever_it_does() {
+    use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
+    use std::process::{Command, Stdio};
+    const NONBLOCK: i32 = 0o4000;
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    std::fs::write(at("mesher"), "#!/bin/sh\nmkfifo surface.mesh && pwd > \"$0.folder\"\n").unwrap();
+    std::fs::set_permissions(at("mesher"), std::fs::Permissions::from_mode(0o755)).unwrap();
+    std::fs::write(at("a.toml"), "[domain]\nsolid = \"cube\"\n[mesh]\nkind = \"tetgen\"\nprogram = \"./mesher\"\n")
+        .unwrap();
+    for more in [&[][..], &["--dry-run"]] {
+        let _ = std::fs::remove_file(at("mesher.folder"));
+        let mut run = Command::new(assert_cmd::cargo::cargo_bin!("qcball"))
+            .current_dir(folder.path())
+            .env("TMPDIR", folder.path())
+            .args(["run", "a.toml"])
+            .args(more)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        // It can be opened for writing once it is for reading.
+        let writer = loop {
+            let meshed_in = std::fs::read_to_string(at("mesher.folder")).unwrap_or_default();
+            let pipe = Path::new(meshed_in.trim()).join("surface.mesh");
+            match std::fs::OpenOptions::new().write(true).custom_flags(NONBLOCK).open(pipe) {
+                Ok(writer) => break writer,
+                Err(_) => assert!(run.try_wait().unwrap().is_none(), "the run ended before its mesh was read"),
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        };
+        assert!(Command::new("kill").args(["-TERM", &run.id().to_string()]).status().unwrap().success());
+        let output = run.wait_with_output().unwrap();
+        drop(writer);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.code() == Some(130) && said.contains("interrupted before there was a map"), "{said}");
+        assert!(!at("results/a/report.json").exists());
+    }
+}

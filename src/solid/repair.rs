@@ -117,7 +117,10 @@ impl Triangles {
         }
         if filled > 0 {
             let percent = (1000.0 * largest).ceil() / 10.0;
-            self.notes.push(format!("{filled} flat holes were filled, the largest {percent} % of the solid's size"));
+            self.notes.push(match filled {
+                1 => format!("1 flat hole was filled, {percent} % of the solid's size"),
+                _ => format!("{filled} flat holes were filled, the largest {percent} % of the solid's size"),
+            });
         }
     }
 

@@ -38,7 +38,7 @@ pub enum SurfaceError {
     /// An edge has a triangle on one side only.
     #[error(
         "the surface is not closed: {count} edges have a triangle on one side only, such as the one from {from:?} to \
-         {to:?}; fill the holes, or merge vertices that should be one"
+         {to:?}; fill the holes, or merge vertices that should be one (in a config domain.fill_holes, domain.weld)"
     )]
     Open {
         /// How many such edges there are.
@@ -85,8 +85,8 @@ pub enum SurfaceError {
     },
     /// The surface falls apart.
     #[error(
-        "the surface has {count} separate pieces, one of them with {triangles} triangles at {at:?}; keep one piece (an \
-         inner piece would be a cavity)"
+        "the surface has {count} separate pieces, one of them with {triangles} triangles at {at:?}; keep one piece (in \
+         a config domain.keep_largest; an inner piece would be a cavity)"
     )]
     Disconnected {
         /// How many pieces.

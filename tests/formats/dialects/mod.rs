@@ -146,7 +146,7 @@ fn repairs_on_request() {
     assert!(Surface::repaired(soup(&open), &none).unwrap_err().to_string().contains("not closed: 4 edges"));
     let filled = Surface::repaired(soup(&open), &RepairSettings { fill_holes: true, ..none }).unwrap();
     assert!((filled.volume() - VOLUME).abs() < 1e-12);
-    assert!(filled.notes()[0].starts_with("1 flat holes were filled, the largest "), "{:?}", filled.notes());
+    assert!(filled.notes()[0].starts_with("1 flat hole was filled, "), "{:?}", filled.notes());
     let bent = v.clone() + &f.replace("f 5 6 7\nf 5 7 8\n", "");
     assert!(Surface::repaired(soup(&bent), &RepairSettings { fill_holes: true, ..none }).is_err());
 
