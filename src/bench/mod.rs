@@ -47,7 +47,7 @@ pub enum BenchError {
         path: PathBuf,
     },
     /// Every mesh is left out.
-    #[error("no mesh of {} has any of {wanted:?} in its name; there are {}", shown_path(path), found.join(", "))]
+    #[error("no mesh of {} has {} in its name; there are {}", shown_path(path), wanted.join(" or "), found.join(", "))]
     NoneWanted {
         /// The folder.
         path: PathBuf,
