@@ -47,6 +47,9 @@ pub const MOST_TETS: usize = 100_000_000;
 /// thick, would otherwise take millions that nobody asked for.
 pub const MOST_TETS_FOR_BALL: usize = 500_000;
 
+/// The least thickness of a layer, as a part of the whole: some thousand units in the last place of a vertex.
+const LEAST_LAYER: f64 = 1e-12;
+
 /// Why no shell mesh was made.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ShellError {
@@ -171,6 +174,15 @@ fn check(settings: &ShellSettings) -> Result<(), ShellError> {
     if !(settings.grading.is_finite() && settings.grading > 0.0) {
         return refuse("grading must be a positive number");
     }
+    let fractions = layer_fractions(settings.layers, settings.grading);
+    let thinnest = fractions.windows(2).map(|pair| pair[1] - pair[0]).fold(fractions[0], f64::min);
+    // NaN where powers of the grading leave the range of numbers.
+    if thinnest.is_nan() || thinnest <= LEAST_LAYER {
+        return refuse(&format!(
+            "a grading of {} over {} layers makes some too thin to be told from nothing beside the others; take one nearer to 1, or fewer layers",
+            settings.grading, settings.layers
+        ));
+    }
     match settings.refinement {
         Some(Refinement::EdgeLength(length)) if !(length.is_finite() && length > 0.0) => {
             refuse("edge_length must be a positive number")
@@ -289,6 +301,9 @@ mod tests {
             settings(0, 1),
             settings(1, 0),
             ShellSettings { grading: -1.0, ..settings(1, 1) },
+            ShellSettings { grading: 100.0, ..settings(1, 20) },
+            ShellSettings { grading: 1e-4, ..settings(1, 8) },
+            ShellSettings { grading: 1e300, ..settings(1, 8) },
             ShellSettings { refinement: Some(Refinement::EdgeLength(0.0)), ..settings(1, 1) },
         ] {
             assert!(matches!(shell_mesh(&surface, Vec3::zeros(), &bad), Err(ShellError::Settings(_))));
