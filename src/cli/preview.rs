@@ -61,10 +61,11 @@ fn corners_in_words(corners: &Corners, choice: CornerChoice) -> String {
     format!("corners     like r^p of the distance r from {} vertices, p = {of}{sought}\n", exponents.len())
 }
 
-fn refinement_in_words(RefineSettings { rounds, tets: budget, until }: RefineSettings, tets: usize) -> String {
-    format!(
-        "refined     in {rounds} rounds at most, by {} tets at most, until K is within {} % of what the boundary values allow\n",
-        budget.of(tets),
-        number(100.0 * until)
-    )
+fn refinement_in_words(RefineSettings { rounds, tets: budget, until, surface }: RefineSettings, tets: usize) -> String {
+    let what = if surface {
+        "at the surface too, for K onto the ball".to_string()
+    } else {
+        format!("until K is within {} % of what the boundary values allow", number(100.0 * until))
+    };
+    format!("refined     in {rounds} rounds at most, by {} tets at most, {what}\n", budget.of(tets),)
 }

@@ -57,7 +57,7 @@ pub fn optimize_settings(
             let message = format!("`{}` asks for refinement, with which {option} does not go", key.join("."));
             return Err(Fault::at(&key, message, "leave out the one or the other"));
         }
-        Ok((of_given_maps(&config)?, refine::plan(&config, &CornerChoice::Linear)?))
+        Ok((of_given_maps(&config)?, refine::plan(&config, None, &CornerChoice::Linear)?))
     };
     made().map_err(|fault| source.error(fault))
 }

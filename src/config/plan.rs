@@ -121,7 +121,7 @@ impl Plan {
             domain,
             symmetric: config.optimize.symmetric,
             onto_ball: config.optimize.objective == ObjectiveName::Ball,
-            refine: refine::plan(config, &corners)?,
+            refine: refine::plan(config, Some(&map), &corners)?,
             corner_vertices: boundary::corner_vertices(config, corners)?,
             corners,
             map,

@@ -5,7 +5,7 @@ use serde::Deserialize;
 
 use super::error::Fault;
 use super::limits::{positive, whole};
-use super::{Config, ObjectiveName};
+use super::{Config, InitialMap, ObjectiveName};
 use crate::map::CornerChoice;
 use crate::optimize::BoundaryValues;
 use crate::refine::{Budget, RefineSettings};
@@ -14,7 +14,7 @@ use crate::refine::{Budget, RefineSettings};
 const MOST_TETS: i64 = 1_000_000_000;
 
 /// The table `[refine]`: rounds in which edges are halved inside, where K is large, before the largest K is settled again. The
-/// surface stays as it is, and so do the values there.
+/// surface stays as it is, and so do the values there, unless `surface` is true.
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default, expecting = "the table [refine]")]
 pub struct RefineTable {
@@ -27,6 +27,9 @@ pub struct RefineTable {
     /// Relative distance, > 0, from the best bound that refinement inside cannot change within which it ends. Default: 0.02.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub until: Option<f64>,
+    /// Whether edges of the surface are halved as well, the solid staying what it is and new vertices going where the boundary map sends them.
+    /// What is lowered is K onto the ball then, which takes several times as many tets as there are. Default: false.
+    pub surface: Option<bool>,
 }
 
 /// The value of `refine.tets`.
@@ -42,16 +45,26 @@ pub enum BudgetValue {
 impl RefineTable {
     /// The key that asks for refinement, if one does.
     pub(super) fn asked_by(&self) -> Option<[&'static str; 2]> {
-        let keys = [("rounds", self.rounds.is_some()), ("tets", self.tets.is_some()), ("until", self.until.is_some())];
+        let keys = [
+            ("rounds", self.rounds.is_some()),
+            ("tets", self.tets.is_some()),
+            ("until", self.until.is_some()),
+            ("surface", self.surface.is_some()),
+        ];
         let (key, _) = keys.into_iter().find(|(_, is_given)| *is_given)?;
         (self.rounds != Some(0)).then_some(["refine", key])
     }
 }
 
 /// What a checked `[refine]` means; none without rounds.
-pub(super) fn plan(config: &Config, corners: &CornerChoice) -> Result<Option<RefineSettings>, Fault> {
+pub(super) fn plan(
+    config: &Config,
+    map: Option<&InitialMap>,
+    corners: &CornerChoice,
+) -> Result<Option<RefineSettings>, Fault> {
     let table = &config.refine;
-    let default = RefineSettings::default();
+    let surface = table.surface.unwrap_or(false);
+    let default = if surface { RefineSettings::of_surface() } else { RefineSettings::default() };
     let rounds: usize = whole(table.rounds, default.rounds as i64, 0..=1000, &["refine", "rounds"])?;
     let key = ["refine", "tets"];
     let tets = match &table.tets {
@@ -59,7 +72,11 @@ pub(super) fn plan(config: &Config, corners: &CornerChoice) -> Result<Option<Ref
         Some(BudgetValue::Tets(count @ 0..=MOST_TETS)) => Budget::Tets(*count as usize),
         Some(BudgetValue::Tets(count)) => {
             let message = format!("`refine.tets` is {count}, but must lie between 0 and {MOST_TETS}");
-            return Err(Fault::at(&key, message, "the default is \"10 %\" of the tets that there are"));
+            return Err(Fault::at(
+                &key,
+                message,
+                "the default is \"10 %\" of the tets that there are, \"600 %\" with the surface",
+            ));
         }
         Some(BudgetValue::Share(text)) => match text.parse() {
             Ok(budget @ Budget::Share(_)) => budget,
@@ -71,27 +88,38 @@ pub(super) fn plan(config: &Config, corners: &CornerChoice) -> Result<Option<Ref
     };
     let until = positive(table.until, default.until, &["refine", "until"])?;
     let Some(asked_by) = table.asked_by() else { return Ok(None) };
-    let refuse = |message: &str, help: &str| Err(Fault::at(&asked_by, message.into(), help));
-    if config.optimize.objective != ObjectiveName::Max || config.optimize.engine.solves_epigraph() {
-        return refuse(
+    let slides = config.boundary.values != BoundaryValues::Fixed;
+    // Each with what is in the way, if it is.
+    let reasons = [
+        (
+            config.optimize.objective != ObjectiveName::Max || config.optimize.engine.solves_epigraph(),
             "refinement lowers the largest K by the interior-point method, which this [optimize] does not come to",
-            "remove it, or use objective = \"max\" and engine = \"newton\"",
-        );
+            "objective = \"max\" and engine = \"newton\"",
+        ),
+        (config.domain.keep_mesh, "a mesh that is kept as it is cannot be refined", "no domain.keep_mesh"),
+        (
+            slides && !surface,
+            "refinement inside keeps the boundary, whose values are to slide here",
+            "refine.surface = true, or no boundary.values",
+        ),
+        (config.optimize.symmetric, "refinement knows nothing of mirror planes", "no optimize.symmetric"),
+        (*corners != CornerChoice::Linear, "only piecewise-linear maps can be refined", "no boundary.corners"),
+        (
+            surface && map.is_none(),
+            "`refine.surface` is for `qcball run`, which knows the solid and its boundary map",
+            "a config with the solid",
+        ),
+        (
+            surface && matches!(map, Some(InitialMap::Formula(_) | InitialMap::Farthest { .. })),
+            "this map has no values for new vertices of the surface",
+            "map.kind = \"radial\" or \"spherical\"",
+        ),
+    ];
+    let there = || reasons.iter().filter(|(is_there, ..)| *is_there);
+    if there().next().is_some() {
+        let of = |pick: fn(&(bool, &'static str, &'static str)) -> &'static str| there().map(pick).collect::<Vec<_>>();
+        let (messages, needed) = (of(|reason| reason.1).join("; "), of(|reason| reason.2).join("; "));
+        return Err(Fault::at(&asked_by, messages, format!("remove [refine], or take {needed}")));
     }
-    if config.domain.keep_mesh {
-        return refuse("a mesh that is kept as it is cannot be refined", "remove it, or domain.keep_mesh");
-    }
-    if config.boundary.values != BoundaryValues::Fixed {
-        return refuse(
-            "refinement keeps the boundary, whose values are to slide here",
-            "remove it, or boundary.values",
-        );
-    }
-    if config.optimize.symmetric {
-        return refuse("refinement knows nothing of mirror planes", "remove it, or optimize.symmetric");
-    }
-    if *corners != CornerChoice::Linear {
-        return refuse("only piecewise-linear maps can be refined", "remove it, or boundary.corners");
-    }
-    Ok(Some(RefineSettings { rounds, tets, until }))
+    Ok(Some(RefineSettings { rounds, tets, until, surface }))
 }

@@ -353,7 +353,7 @@ fn the_schema_describes_every_key() {
         }
         assert_eq!(table["additionalProperties"], false);
     }
-    assert_eq!(described, 101, "keys in the schema");
+    assert_eq!(described, 102, "keys in the schema");
     let text = schema.to_string();
     for solid in ["\"tetrahedron\"", "\"star-polyhedron\""] {
         assert!(text.contains(solid), "{solid}");
@@ -384,6 +384,9 @@ fn a_map_without_a_solid_takes_no_key_that_would_be_passed_over() {
         read("[refine]\nrounds = 2\n").unwrap().1,
         Some(RefineSettings { rounds: 2, ..RefineSettings::default() })
     );
+    let message = read("[refine]\nsurface = true\n").unwrap_err().to_string();
+    assert!(message.contains("`refine.surface` is for `qcball run`"), "{message}");
+    std::fs::write(&path, "[refine]\nrounds = 2\n").unwrap();
     let message = optimize_settings(&path, Some("--lock")).unwrap_err().to_string();
     assert!(message.contains("`refine.rounds` asks") && message.contains("--lock"), "{message}");
 }
@@ -425,8 +428,10 @@ fn refinement_is_off_without_rounds_and_refused_where_it_cannot_be() {
     assert_eq!(refine(&["refine.tets=5"]), RefineSettings { tets: Budget::Tets(5), ..RefineSettings::default() });
     assert_eq!(refine(&["refine.until=0.02"]), RefineSettings::default());
     let given = refine(&["refine.rounds=3", "refine.tets=\"5 %\"", "refine.until=0.1"]);
-    assert_eq!(given, RefineSettings { rounds: 3, tets: Budget::Share(0.05), until: 0.1 });
+    assert_eq!(given, RefineSettings { rounds: 3, tets: Budget::Share(0.05), until: 0.1, surface: false });
     assert_eq!(refine(&["refine.rounds=3", "refine.tets=200"]).tets, Budget::Tets(200));
+    let sliding = ["refine.surface=true", "boundary.values=\"sliding\""];
+    assert_eq!(refine(&sliding), RefineSettings { rounds: 12, tets: Budget::Share(6.0), until: 0.02, surface: true });
     for (overrides, word) in [
         (&["refine.rounds=-1"][..], "refine.rounds"),
         (&["refine.tets=\"many\""], "5 %"),
@@ -435,7 +440,12 @@ fn refinement_is_off_without_rounds_and_refused_where_it_cannot_be() {
         (&["refine.until=0"], "refine.until"),
         (&["refine.rounds=3", "optimize.objective=\"soft-max\"", "optimize.exponent=4"], "interior-point method"),
         (&["refine.rounds=3", "boundary.corners=1.5"], "piecewise-linear"),
+        (&["refine.surface=true", "map.kind=\"power\"", "map.exponent=2.0"], "no values for new vertices"),
         (&["refine.rounds=3", "boundary.values=\"sliding\""], "slide"),
+        (
+            &["refine.rounds=3", "boundary.values=\"sliding\"", "boundary.corners=1.5"],
+            "slide here; only piecewise-linear",
+        ),
     ] {
         let message = refusal(cube, overrides);
         assert!(message.contains(word), "{overrides:?}: {message}");

@@ -285,10 +285,12 @@ fn optimized(start: &mut Start, plan: &Plan, observe: &mut dyn FnMut(&TraceRow))
         let Some(refinement) = &plan.refine else { return Ok(optimized) };
         let (domain, image) = (start.domain.clone(), start.image.clone());
         let tets_before = domain.mesh().tets().len();
-        let map = refine(domain, image, optimized.outcome, settings, refinement, observe)?;
+        let centre = start.centre.map(|centre| centre.position);
+        let map = refine(domain, image, optimized.outcome, settings, refinement, centre, observe)?;
         (start.domain, start.image) = (map.domain, map.start);
         let RefinedMap { max_k_before, end, rounds, halved, outcome, .. } = map;
-        let refined = Some(RefinedFigures { tets_before, max_k_before, end, rounds });
+        let surface = refinement.surface;
+        let refined = Some(RefinedFigures { tets_before, surface, max_k_before, end, rounds });
         return Ok(Optimized { outcome, refined, halved, ..optimized });
     }
     let flipped_before = flipped_tets(&start.domain, &start.image).len();

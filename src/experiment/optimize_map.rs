@@ -171,10 +171,11 @@ pub fn optimize_map(
     let mut refined = None;
     if let Some(refinement) = refinement {
         let tets_before = domain.mesh().tets().len();
-        let map = refine(domain, start, outcome, &timed, refinement, observe)?;
+        let map = refine(domain, start, outcome, &timed, refinement, None, observe)?;
         let RefinedMap { max_k_before, end, rounds, .. } = map;
         (domain, start, outcome) = (map.domain, map.start, map.outcome);
-        refined = Some(RefinedFigures { tets_before, max_k_before, end, rounds });
+        let surface = refinement.surface;
+        refined = Some(RefinedFigures { tets_before, surface, max_k_before, end, rounds });
     }
     let fixed = fixed.unwrap_or_else(|| domain.boundary().vertex_mask().to_vec());
     let before = measure_onto_ball_until(&domain, &start, &settings.cancel);

@@ -17,6 +17,7 @@ use crate::map::{AnalyticMap, Corners, RadialCoordinates, RayEnd, SphericalStart
 use crate::measure::{Measured, measure_onto_ball_until, measure_warped_onto_ball};
 use crate::mesh::io::{ReadError, SolidFile, read_solid, read_surface, shown_path};
 use crate::mesh::{Orientation, PolygonSoup, Subdivision, TetMesh, TetSoup, Unit, Vec3, VertexId, orientation};
+use crate::refine::Middles;
 use crate::report::{MapFigures, RefinementFigures, Splits};
 use crate::solid::{
     CentreError, ExternalSettings, KernelError, Refinement, ShellError, ShellSettings, StarCentre, Surface,
@@ -396,11 +397,11 @@ impl Start {
         }
     }
 
-    /// The same with edges halved in this order, and new vertices halfway in both maps.
+    /// The same with edges halved in this order by refinement, of the surface or inside alone.
     ///
     /// # Errors
     /// What is no edge, or a half that rounding made flat.
-    pub fn halved(self, edges: &[[VertexId; 2]]) -> Result<Self, String> {
+    pub fn halved(self, edges: &[[VertexId; 2]], of_surface: bool) -> Result<Self, String> {
         if edges.is_empty() {
             return Ok(self);
         }
@@ -408,7 +409,9 @@ impl Start {
         subdivision.halve(edges).map_err(|[a, b]| format!("there is no edge from vertex {} to {}", a.0, b.0))?;
         let mesh = subdivision.mesh().map_err(|error| error.to_string())?;
         let domain = Domain::new(mesh).map_err(|error| error.to_string())?;
-        Ok(Self { domain, image: subdivision.extend(self.image), ..self })
+        let middles = Middles { of_surface, centre: self.centre.map(|centre| centre.position) };
+        let image = middles.extended_start(&domain, edges, self.image);
+        Ok(Self { domain, image, ..self })
     }
 
     /// A map in closed form, of the vertices as they were given.

@@ -80,21 +80,55 @@ impl Warped<'_> {
         if !self.onto_ball {
             return self.solved(&plain, Start::Anywhere, start, settings, &mut |row, _| observe(row));
         }
-        let clock = Instant::now();
         let settings = OptimizeSettings { objective: Objective::Max, polish: Polish::None, ..settings.starting_now() };
-        let (tolerance, max_iterations) = (settings.tolerance.max(ACCURACY), usize::MAX / 2);
-        let of_rounds = OptimizeSettings { tolerance, max_iterations, ..settings.clone() };
         let (mut now, least) = self.first(&plain, start, &settings, observe)?;
-        let mut held = match self.held(&now.positions) {
+        let held = match self.held(&now.positions, settings.objective) {
             Ok(held) if went_to_its_end(now.stop) && held.k <= FROM_LAST * least.k => held,
             _ => {
                 now.positions.clone_from(&least.image);
-                self.held(&least.image)?
+                self.held(&least.image, settings.objective)?
             }
         };
+        self.rounds_onto_ball(now, (held, least), &plain, (usize::MAX, &settings), observe)
+    }
+
+    /// Lowers K onto the ball of a piecewise-linear map that was settled, in so many rounds at most. With a soft maximum as objective that of
+    /// the tets' largest K falls, and the largest of all may rise.
+    ///
+    /// # Errors
+    /// As [`Warped::optimize`].
+    pub fn settle_onto_ball(
+        &self,
+        settled: Outcome,
+        rounds: usize,
+        settings: &OptimizeSettings,
+        observe: &mut dyn FnMut(&TraceRow),
+    ) -> Result<Outcome, OptimizeError> {
+        let held = self.held(&settled.positions, settings.objective)?;
+        let least = Least { k: held.k, image: settled.positions.clone() };
+        let settings = OptimizeSettings { polish: Polish::None, ..settings.starting_now() };
+        let settled = Outcome { kkt: None, multipliers: Vec::new(), ..settled };
+        self.rounds_onto_ball(settled, (held, least), &self.chamber(), (rounds, &settings), observe)
+    }
+
+    /// Lowers K onto the ball of a map with these factors in so many rounds at most; what is returned is no worse than the least.
+    fn rounds_onto_ball(
+        &self,
+        mut now: Outcome,
+        (mut held, least): (Held, Least),
+        plain: &Domain,
+        (rounds, settings): (usize, &OptimizeSettings),
+        observe: &mut dyn FnMut(&TraceRow),
+    ) -> Result<Outcome, OptimizeError> {
+        let (clock, before) = (Instant::now(), now.trace.last().map_or(0.0, |row| row.seconds));
+        let (tolerance, max_iterations) = (settings.tolerance.max(ACCURACY), usize::MAX / 2);
+        let of_rounds = OptimizeSettings { tolerance, max_iterations, ..settings.clone() };
         let mut fruitless = 0;
-        // What ended the rest is told.
-        while went_to_its_end(now.stop) {
+        for _ in 0..rounds {
+            // What ended the rest is told.
+            if !went_to_its_end(now.stop) {
+                break;
+            }
             if now.trace.len() > settings.max_iterations {
                 now.stop = StopReason::IterationLimit;
                 break;
@@ -102,9 +136,16 @@ impl Warped<'_> {
             let problem = self.chamber().with_factors_on_both_sides(&held.factors);
             let next = self.solved(&problem, Start::Settled, &now.positions, &of_rounds, &mut |_, _| {})?;
             now.stop = next.stop;
-            let promised = held.k - measure(&problem, &self.restricted(&next.positions)).summary.max_k;
-            let Some((farthest, best)) =
-                self.on_the_way([&now.positions, &next.positions], held.k, promised, &settings)
+            // The first elements are the tets, the further ones of each follow.
+            let measured = measure(&problem, &self.restricted(&next.positions)).dilatations;
+            let (first, mut further) = measured.split_at(held.factors.len());
+            let of_tets = first.iter().zip(&held.factors).map(|(first, factors)| {
+                let (of_tet, others) = further.split_at(factors.len() - 1);
+                further = others;
+                of_tet.iter().map(|dilatation| dilatation.k()).fold(first.k(), f64::max)
+            });
+            let promised = held.k - largest(of_tets, settings.objective);
+            let Some((farthest, best)) = self.on_the_way([&now.positions, &next.positions], held.k, promised, settings)
             else {
                 break;
             };
@@ -113,7 +154,7 @@ impl Warped<'_> {
                     fruitless = if trial.k < held.k * (1.0 - GAIN) { 0 } else { fruitless + 1 };
                     held = trial;
                     now.positions = image;
-                    let summary = measure(&plain, &self.restricted(&now.positions)).summary;
+                    let summary = measure(plain, &self.restricted(&now.positions)).summary;
                     if let Some(last) = now.trace.last().cloned() {
                         let row = TraceRow {
                             phase: "onto the ball".into(),
@@ -122,7 +163,7 @@ impl Warped<'_> {
                             max_k: summary.max_k,
                             mean_k: summary.mean_k,
                             step: share,
-                            seconds: clock.elapsed().as_secs_f64(),
+                            seconds: before + clock.elapsed().as_secs_f64(),
                             ..last
                         };
                         observe(&row);
@@ -158,7 +199,7 @@ impl Warped<'_> {
         settings: &OptimizeSettings,
         observe: &mut dyn FnMut(&TraceRow),
     ) -> Result<(Outcome, Least), OptimizeError> {
-        let mut least = Least { k: self.held(start)?.k, image: start.to_vec() };
+        let mut least = Least { k: self.held(start, settings.objective)?.k, image: start.to_vec() };
         let last = self.solved(plain, Start::Anywhere, start, settings, &mut |row, image| {
             observe(row);
             let image = self.whole(image);
@@ -183,7 +224,7 @@ impl Warped<'_> {
         let mut best: Option<OnTheWay> = None;
         for share in SHARES {
             let image = self.part_of_the_way([from, to], share, settings);
-            let Ok(trial) = self.held(&image) else { continue };
+            let Ok(trial) = self.held(&image, settings.objective) else { continue };
             farthest.get_or_insert_with(|| trial.large());
             let least = best.as_ref().map_or(k, |best| best.held.k);
             if trial.k < least {
@@ -262,7 +303,7 @@ impl Warped<'_> {
     /// The largest K onto the ball, infinite where there is none.
     fn k_onto_ball(&self, image: &[Vec3]) -> f64 {
         let largest = |onto: OntoBall<'_>| -> Vec<f64> {
-            let of_tet = |tet| onto.factors(tet).iter().map(|factor| factor.k).fold(1.0, f64::max);
+            let of_tet = |tet| onto.factors(tet, 0.0).iter().map(|factor| factor.k).fold(1.0, f64::max);
             self.tets().into_par_iter().map(of_tet).collect()
         };
         let onto = OntoBall::new(self.domain, self.corners, image);
@@ -270,9 +311,9 @@ impl Warped<'_> {
     }
 
     /// All factors of tets of large K onto the ball, and the worst of the others. An image with a flipped tet has infinite K.
-    fn held(&self, image: &[Vec3]) -> Result<Held, NotOntoBall> {
+    fn held(&self, image: &[Vec3], objective: Objective) -> Result<Held, NotOntoBall> {
         let onto = OntoBall::new(self.domain, self.corners, image)?;
-        let all: Vec<Vec<Factor>> = self.tets().into_par_iter().map(|tet| onto.factors(tet)).collect();
+        let all: Vec<Vec<Factor>> = self.tets().into_par_iter().map(|tet| onto.factors(tet, 0.0)).collect();
         let k = all.iter().flatten().map(|factor| factor.k).fold(1.0, f64::max);
         let least = (NEAR.0 * k.ln()).exp();
         let kept = |of_tet: &Vec<Factor>| -> (Vec<(Mat3, Afterwards)>, usize) {
@@ -288,7 +329,20 @@ impl Warped<'_> {
             (all, large)
         };
         let (factors, large) = all.iter().map(kept).unzip();
-        Ok(Held { k, factors, large })
+        let of_tets = all.iter().map(|of_tet| of_tet.iter().map(|factor| factor.k).fold(1.0, f64::max));
+        Ok(Held { k: largest(of_tets, objective), factors, large })
+    }
+}
+
+/// The largest of some K, or what a soft maximum has in its place: the root of the sum of their powers.
+fn largest(ks: impl Iterator<Item = f64>, objective: Objective) -> f64 {
+    let ks: Vec<f64> = ks.collect();
+    let most = ks.iter().copied().fold(1.0, f64::max);
+    match objective {
+        Objective::SoftMax(exponent) if most.is_finite() => {
+            most * ks.iter().map(|k| (k / most).powf(exponent)).sum::<f64>().powf(1.0 / exponent)
+        }
+        _ => most,
     }
 }
 
@@ -302,7 +356,7 @@ type Factors = Vec<Vec<(Mat3, Afterwards)>>;
 
 /// The factors of a map onto the ball.
 struct Held {
-    /// The largest K onto the ball by those that the map has.
+    /// The largest K onto the ball by those that the map has, or its soft maximum.
     k: f64,
     factors: Factors,
     /// How many of a tet's first factors are there because K is large with them.

@@ -2,10 +2,10 @@
 
 use rayon::prelude::*;
 
-use crate::domain::Domain;
+use crate::domain::{Afterwards, Domain};
 use crate::linalg::{LANES, svds};
 use crate::mesh::{Mat3, TetId, Vec3, VertexId};
-use crate::objective::{Iterate, of_jacobian};
+use crate::objective::of_jacobian;
 
 /// Share of the largest K that a tet at an edge has at least: what is gained elsewhere comes to nothing.
 const NEAR: f64 = 0.7;
@@ -28,26 +28,50 @@ pub(super) struct Gain {
     pub value: f64,
 }
 
+/// What decides of a map: ln K of each tet, and the factors R and L with which it has the Jacobian L J R there, where it has others than 1.
+pub(super) struct Large<'a> {
+    /// The map's domain.
+    pub domain: &'a Domain,
+    /// The images of its vertices.
+    pub image: &'a [Vec3],
+    /// ln K of each tet.
+    pub logs: &'a [f64],
+    /// The factors R of each tet with what follows them; empty where all are 1.
+    pub factors: &'a [Vec<(Mat3, Afterwards)>],
+}
+
+impl Large<'_> {
+    /// How much the gain at a tet counts: as a power of its K over the largest; nothing where it is not near that.
+    pub fn weight(&self, tet: TetId, largest: f64) -> f64 {
+        let log = self.logs[tet.index()];
+        if log < largest + NEAR.ln() { 0.0 } else { (WEIGHT * (log - largest)).exp() }
+    }
+
+    /// ln of the largest K.
+    pub fn largest(&self) -> f64 {
+        self.logs.iter().copied().fold(0.0, f64::max)
+    }
+}
+
 /// The edges with something to gain of those that may be halved, the best first, by their ends among equals. `at` are the tets at each
 /// vertex.
 pub(super) fn gains(
-    domain: &Domain,
-    image: &[Vec3],
+    large: &Large<'_>,
     at: &[Vec<TetId>],
     allowed: &(dyn Fn([VertexId; 2]) -> bool + Sync),
 ) -> Vec<Gain> {
-    let tets = domain.mesh().tets();
-    // Maps that come here have no flipped tet.
-    let Some(logs) = Iterate::new(domain, image.to_vec()).log_dilatations() else { return Vec::new() };
-    let largest = logs.iter().copied().fold(0.0, f64::max);
-    let near = tets.iter().zip(&logs).filter(|(_, log)| **log >= largest + NEAR.ln());
+    let (tets, logs, largest) = (large.domain.mesh().tets(), large.logs, large.largest());
+    let near = tets.iter().zip(logs).filter(|(_, log)| **log >= largest + NEAR.ln());
     let mut edges: Vec<[VertexId; 2]> =
         near.flat_map(|(tet, _)| (0..4).flat_map(move |i| (0..i).map(move |j| super::pair(tet[i], tet[j])))).collect();
     edges.sort_unstable();
     edges.dedup();
     let gain = |&edge: &[VertexId; 2]| {
         let around = || super::around(edge, tets, at);
-        let halves: Vec<Half> = around().flat_map(|tet| edge.map(|end| Half::of(domain, image, tet, end))).collect();
+        let halves: Vec<Half> = around()
+            .flat_map(|tet| edge.map(|end| (tet, end)))
+            .flat_map(|(tet, end)| Half::of(large, tet, end))
+            .collect();
         let weight: f64 = around().map(|tet| (WEIGHT * (logs[tet.index()] - largest)).exp()).sum();
         Gain { edge, value: weight * fall(&halves) / around().count() as f64 }
     };
@@ -58,23 +82,47 @@ pub(super) fn gains(
 }
 
 /// Half of a tet, as the middle of the edge moves by a step: its Jacobian is that of the tet, plus the step times the gradient.
+#[derive(Clone, Copy)]
 struct Half {
     jacobian: Mat3,
+    /// What the step is multiplied by.
+    left: Mat3,
     /// The gradient of the middle's barycentric coordinate in the half.
     gradient: Vec3,
 }
 
 impl Half {
-    /// The half in which the middle has taken the place of this end.
-    fn of(domain: &Domain, image: &[Vec3], tet: TetId, end: VertexId) -> Self {
-        let inverse = &domain.inverse_edges()[tet.index()];
-        let row = |i: usize| inverse.row(i).transpose();
-        let gradient = match domain.mesh().tets()[tet.index()].iter().position(|v| *v == end) {
-            Some(0) | None => -(row(0) + row(1) + row(2)),
-            Some(corner) => row(corner - 1),
-        };
-        Self { jacobian: domain.jacobian(tet, image), gradient: 2.0 * gradient }
+    /// The half in which the middle has taken the place of this end, once for each pair of factors.
+    fn of(large: &Large<'_>, tet: TetId, end: VertexId) -> Vec<Self> {
+        let jacobian = large.domain.jacobian(tet, large.image);
+        let gradient = gradient(large.domain, tet, end);
+        match large.factors.get(tet.index()).map(Vec::as_slice) {
+            None | Some([]) => vec![Self { jacobian, left: Mat3::identity(), gradient }],
+            Some(factors) => {
+                let with = |(right, Afterwards { left, .. }): &(Mat3, Afterwards)| Self {
+                    jacobian: left * jacobian * right,
+                    left: *left,
+                    gradient: right.transpose() * gradient,
+                };
+                factors.iter().map(with).collect()
+            }
+        }
     }
+}
+
+/// The gradient of the barycentric coordinate of the middle that has taken the place of this end of an edge of a tet.
+fn gradient(domain: &Domain, tet: TetId, end: VertexId) -> Vec3 {
+    let inverse = &domain.inverse_edges()[tet.index()];
+    let row = |i: usize| inverse.row(i).transpose();
+    2.0 * match domain.mesh().tets()[tet.index()].iter().position(|v| *v == end) {
+        Some(0) | None => -(row(0) + row(1) + row(2)),
+        Some(corner) => row(corner - 1),
+    }
+}
+
+/// The Jacobian of the half of a tet in which the middle of an edge has taken the place of this end and moved by a step.
+pub(super) fn half(domain: &Domain, image: &[Vec3], tet: TetId, end: VertexId, step: &Vec3) -> Mat3 {
+    domain.jacobian(tet, image) + step * gradient(domain, tet, end).transpose()
 }
 
 /// The soft maximum at a step, with its gradient and the mean of the squares of gradients that it is made of.
@@ -90,11 +138,11 @@ fn soft_maximum(halves: &[Half], step: Vec3) -> Option<SoftMaximum> {
     for group in halves.chunks(LANES) {
         // The last group is filled up with its last half.
         let of_lane = |lane: usize| &group[lane.min(group.len() - 1)];
-        let moved = |lane| of_lane(lane).jacobian + step * of_lane(lane).gradient.transpose();
+        let moved = |lane| of_lane(lane).jacobian + of_lane(lane).left * step * of_lane(lane).gradient.transpose();
         let decompositions = svds(&std::array::from_fn::<_, LANES, _>(moved));
         for (half, decomposition) in group.iter().zip(&decompositions) {
             let of_half = of_jacobian(decomposition)?;
-            logs.extend(of_half.map(|(log, derivative)| (log, derivative * half.gradient)));
+            logs.extend(of_half.map(|(log, derivative)| (log, half.left.transpose() * (derivative * half.gradient))));
         }
     }
     let largest = logs.iter().map(|log| log.0).fold(f64::NEG_INFINITY, f64::max);
@@ -155,15 +203,20 @@ mod tests {
         (Domain::new(mesh).unwrap(), points, at)
     }
 
+    fn logs(domain: &Domain, image: &[Vec3]) -> Vec<f64> {
+        crate::measure::measure(domain, image).dilatations.iter().map(|dilatation| dilatation.k().ln()).collect()
+    }
+
     #[test]
     fn the_middle_goes_where_the_soft_maximum_is_least() {
         let (domain, image, at) = raised(0.4);
         let edge = [VertexId(0), VertexId(1)];
-        let found = gains(&domain, &image, &at, &|other| other == edge);
+        let logs = logs(&domain, &image);
+        let large = Large { domain: &domain, image: &image, logs: &logs, factors: &[] };
+        let found = gains(&large, &at, &|other| other == edge);
         assert_eq!(found.iter().map(|gain| gain.edge).collect::<Vec<_>>(), [edge]);
         // By symmetry the best place is on the axis: the largest K of the halves at many places there.
-        let halves: Vec<Half> =
-            at[0].iter().flat_map(|&tet| edge.map(|end| Half::of(&domain, &image, tet, end))).collect();
+        let halves: Vec<Half> = at[0].iter().flat_map(|&tet| edge.map(|end| Half::of(&large, tet, end)[0])).collect();
         let at_height = |z: f64| soft_maximum(&halves, Vec3::new(0.0, 0.0, z)).unwrap().value;
         let least = (0..400).map(|i| at_height(f64::from(i) * 1e-3)).fold(f64::INFINITY, f64::min);
         // All four tets have the same K, and one is added to each of them. A few steps are not all the way.
@@ -177,7 +230,7 @@ mod tests {
         let split = Domain::any_topology(mesh.unwrap()).unwrap();
         let positions = [&image[..], &[Vec3::new(0.01, 0.02, 0.3)]].concat();
         for (tet, end) in [(0, edge[1]), (1, edge[0])] {
-            let Half { jacobian, gradient } = Half::of(&domain, &image, TetId(0), end);
+            let Half { jacobian, gradient, .. } = Half::of(&large, TetId(0), end)[0];
             let moved = jacobian + Vec3::new(0.01, 0.02, 0.3) * gradient.transpose();
             assert!((moved - split.jacobian(TetId(tet), &positions)).norm() < 1e-14);
         }
@@ -188,7 +241,9 @@ mod tests {
         let (domain, _, at) = raised(0.0);
         let image: Vec<Vec3> = domain.mesh().points().iter().map(|p| Vec3::new(2.0 * p.x, p.y + p.x, p.z)).collect();
         // ln K is quasiconvex: of all maps with the values of a linear one at the boundary that one has the least largest K.
-        let found = gains(&domain, &image, &at, &|edge| edge == [VertexId(0), VertexId(1)]);
+        let logs = logs(&domain, &image);
+        let large = Large { domain: &domain, image: &image, logs: &logs, factors: &[] };
+        let found = gains(&large, &at, &|edge| edge == [VertexId(0), VertexId(1)]);
         assert!(found.iter().all(|gain| gain.value < 1e-12), "{found:?}");
     }
 }

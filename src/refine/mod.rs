@@ -7,85 +7,40 @@
 //!
 //! Edges of the boundary surface stay whole: the solid, its surface and the values there are what they were, so that K falls or
 //! stays in every round, and what the boundary values alone prove ([`unchanging_bound`]) holds in all of them.
+//!
+//! Or edges of the surface are halved as well. The solid stays what it was, its sharp edges are those that they were; new vertices of the
+//! surface go to the sphere, where the boundary map sends them, and slide from there if the boundary does. The image comes nearer to the ball, its angles
+//! open, and K onto it rises with them. What is lowered and judged there is K onto the ball, as for the objective "ball", in the rounds
+//! by a soft maximum.
 
 mod gain;
-
-use std::collections::HashSet;
+mod halving;
+mod settings;
+mod surface;
 
 use serde::{Deserialize, Serialize};
 
-use self::gain::Gain;
+use self::surface::Held;
 use crate::bound::{BoundaryImage, LowerBound, best_applicable, edge_ratio, trace, vertex};
-use crate::domain::{Domain, edge_matrix};
+use crate::domain::Domain;
 use crate::measure::measure;
-use crate::mesh::{BoundaryEdges, Subdivision, TetId, Vec3, VertexId};
+use crate::mesh::{BoundaryEdges, TetId, Vec3, VertexId};
 use crate::optimize::{
-    Objective, OptimizeError, OptimizeSettings, Outcome, Polish, Start, StopReason, TraceRow, flipped_tets,
-    optimize_from,
+    Objective, OptimizeError, OptimizeSettings, Outcome, Polish, Start, StopReason, TraceRow, Warped, optimize_from,
 };
+
+pub use settings::{Budget, RefineSettings};
+pub(crate) use surface::Middles;
 
 /// Exponent of the soft maximum of the rounds. With 32 the rounds take longer, and what they end at is as often worse as better.
 const EXPONENT: f64 = 16.0;
 /// Fall in ln K of a step of the rounds below which there is no further one: with 1e-3 they end at the same maps, later.
 const ROUGH: f64 = 4e-3;
-/// Share of the largest gain below which no edge is halved in the first half of the rounds: on cube-100k, whose largest K is 3.6 times that of
-/// the next tets, they spend what they may on tets that do not matter without it. In the second half all is spent.
-const WORTHWHILE: f64 = 0.1;
-/// The shape of a tet, its volume over the cube of its longest edge (0.118 for the regular one), below which no halving goes,
-/// unless the tet that is halved is as bad. Thin tets at an edge of the solid may be what K sits on: with 1e-3 the cube of 100,000
-/// tets stays at K = 27.
-const WORST_SHAPE: f64 = 1e-6;
-
-/// How far a mesh is refined.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RefineSettings {
-    /// Most rounds; each may add its part of the tets.
-    pub rounds: usize,
-    /// Most tets that may be added in all.
-    pub tets: Budget,
-    /// Relative distance from [`unchanging_bound`] within which there is nothing left to gain.
-    pub until: f64,
-}
-
-impl Default for RefineSettings {
-    fn default() -> Self {
-        Self { rounds: 8, tets: Budget::Share(0.1), until: 0.02 }
-    }
-}
-
-/// A number of tets, written like 500 or "5 %".
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Budget {
-    /// So many.
-    Tets(usize),
-    /// This share of those that a mesh has.
-    Share(f64),
-}
-
-impl std::str::FromStr for Budget {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let refused = || format!("{text:?} is no number of tets: write for example 500, or \"5 %\" of those there are");
-        match text.trim().strip_suffix('%') {
-            None => text.trim().parse().map(Self::Tets).map_err(|_| refused()),
-            Some(percent) => match percent.trim().parse::<f64>() {
-                Ok(percent) if percent >= 0.0 && percent.is_finite() => Ok(Self::Share(percent / 100.0)),
-                _ => Err(refused()),
-            },
-        }
-    }
-}
-
-impl Budget {
-    /// The number for a mesh of so many tets.
-    pub fn of(self, tets: usize) -> usize {
-        match self {
-            Self::Tets(count) => count,
-            Self::Share(share) => (share * tets as f64) as usize,
-        }
-    }
-}
+/// The same two where edges of the surface are halved: there tets that a soft maximum of 16 leaves behind, which the maximum does not, draw
+/// too many of the halves to them.
+const OF_SURFACE: (f64, f64) = (32.0, 1e-3);
+/// Problems of K onto the ball in a round: with three the rounds take as long again, and a cube ends at 4.95 instead of 5.03.
+const PROBLEMS: usize = 1;
 
 /// Why refinement ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -97,8 +52,10 @@ pub enum RefineEnd {
     Budget,
     /// All rounds were made.
     Rounds,
-    /// No tet that holds K has an edge that may be halved.
+    /// No tet that holds K has an edge that gains anything where it is halved.
     NoEdge,
+    /// K onto the ball was larger after each round than before the first: the mesh is what it was.
+    NoGain,
     /// There was nothing to refine for: the map was not settled, since tets are flipped or a limit ended it.
     NotSettled,
 }
@@ -110,7 +67,8 @@ pub struct Round {
     pub edges: usize,
     /// How many tets there are since.
     pub tets: usize,
-    /// The least largest K of a map on them so far. That of a soft maximum is some way above what the mesh allows.
+    /// The least largest K of a map so far, onto the ball where the surface is refined. That of a soft maximum is some way above what the mesh
+    /// allows.
     pub max_k: f64,
 }
 
@@ -119,7 +77,8 @@ pub struct Round {
 pub struct RefinedMap {
     /// The refined domain.
     pub domain: Domain,
-    /// The start that was given, on it: new vertices are halfway between those they were put between.
+    /// The start that was given, on it: new vertices are halfway between those they were put between; where the surface was refined, on the
+    /// sphere at the boundary, and on their rays inside if the start is radial, which may flip thin tets.
     pub start: Vec<Vec3>,
     /// The map, with the rows of all rounds.
     pub outcome: Outcome,
@@ -148,38 +107,46 @@ pub fn unchanging_bound(domain: &Domain, image: &[Vec3]) -> Option<LowerBound> {
 }
 
 /// Refines a mesh about the tets that hold the largest K of a map that was optimized on it, round by round, and settles it again; the
-/// boundary's vertices are fixed. `outcome` is that of an optimization from `start` without a polish, which comes here at the end.
+/// boundary's vertices are fixed, or slide on the sphere where the surface is refined. `outcome` is that of an optimization from `start`
+/// without a polish, which comes here at the end, but not where the surface is refined; `centre` is that of a start whose boundary map is
+/// radial.
 ///
 /// The result is the same to the bit for any number of threads.
 ///
 /// # Errors
-/// As [`crate::optimize()`].
+/// As [`crate::optimize()`]; a map that is not onto the ball where the surface is to be refined.
 pub fn refine(
     domain: Domain,
     start: Vec<Vec3>,
     outcome: Outcome,
     settings: &OptimizeSettings,
     refinement: &RefineSettings,
+    centre: Option<Vec3>,
     observe: &mut dyn FnMut(&TraceRow),
 ) -> Result<RefinedMap, OptimizeError> {
     let tets_before = domain.mesh().tets().len();
-    let (budget, most) = (refinement.tets.of(tets_before), |added| tets_before.saturating_add(added));
+    let budget = refinement.tets.of(tets_before);
     let (halved, rounds) = (Vec::new(), Vec::new());
     let mut refined =
         RefinedMap { domain, start, outcome, halved, max_k_before: None, rounds, end: RefineEnd::NotSettled };
     if !matches!(refined.outcome.stop, StopReason::Optimal | StopReason::Converged | StopReason::NoProgress) {
         return Ok(refined);
     }
+    let surface = refinement.surface;
+    let middles = Middles { of_surface: surface, centre };
+    let (exponent, rough) = if surface { OF_SURFACE } else { (EXPONENT, ROUGH) };
     let softly = OptimizeSettings {
-        objective: Objective::SoftMax(EXPONENT),
+        objective: Objective::SoftMax(exponent),
         polish: Polish::None,
-        tolerance: settings.tolerance.max(ROUGH),
+        tolerance: settings.tolerance.max(rough),
         ..settings.clone()
     };
-    let bound = unchanging_bound(&refined.domain, &refined.outcome.positions).map_or(1.0, |bound| bound.value);
-    // The map of least K so far; the outcome's is the soft maximum's.
+    let unchanging = || unchanging_bound(&refined.domain, &refined.outcome.positions);
+    let bound = if surface { 1.0 } else { unchanging().map_or(1.0, |bound| bound.value) };
+    // The map of least K so far; the outcome's is the soft maximum's. Where the surface is refined it is one of a coarser mesh for good.
     let mut best = refined.outcome.positions.clone();
-    let mut reached = refined.max_k(&best);
+    let mut kept = surface.then(|| refined.clone());
+    let mut reached = refined.max_k(&best, surface);
     refined.max_k_before = Some(reached);
     refined.end = loop {
         if reached <= bound * (1.0 + refinement.until) {
@@ -192,40 +159,50 @@ pub fn refine(
         if settings.cancel.is_due() || refined.outcome.trace.len() > settings.max_iterations {
             break RefineEnd::NotSettled;
         }
-        let least = if 2 * round <= refinement.rounds { WORTHWHILE } else { 0.0 };
-        let gains = refined.gains(least);
+        let gains = refined.gains(2 * round <= refinement.rounds, &middles);
         let added = refined.domain.mesh().tets().len() - tets_before;
-        let part = added + (budget - added) / (refinement.rounds + 1 - round);
-        let subdivision = match refined.subdivided(most(part), &gains) {
-            None if part < budget => refined.subdivided(most(budget), &gains),
-            subdivision => subdivision,
+        let left = refinement.rounds + 1 - round;
+        let most = tets_before.saturating_add(budget);
+        let part = if surface {
+            // Many times the tets there were: as many times more in each round, since what they are best for is seen on what there is.
+            let now = (tets_before + added) as f64;
+            (now * (most as f64 / now).powf(1.0 / left as f64)) as usize
+        } else {
+            tets_before + added + (budget - added) / left
         };
-        let Some(subdivision) = subdivision else { break RefineEnd::Budget };
-        if subdivision.edge_splits() == 0 {
-            break RefineEnd::NoEdge;
+        let halves = match refined.halves([part, most], gains, &middles, &best) {
+            Ok(halves) => halves,
+            Err(end) => break end,
+        };
+        let edges = halves.edges.len();
+        refined.start = middles.extended_start(&halves.domain, &halves.edges, std::mem::take(&mut refined.start));
+        refined.domain = halves.domain;
+        refined.halved.extend(halves.edges);
+        best = halves.best;
+        if surface {
+            refined.settle_onto_ball((round, PROBLEMS), halves.carried, &softly, observe)?;
+        } else {
+            refined.settle(round, &halves.carried, &softly, observe)?;
         }
-        // Where rounding makes the half of a thin tet flat, on either side, the round before was the last.
-        let Ok(mesh) = subdivision.mesh() else { break RefineEnd::NoEdge };
-        let domain = Domain::any_topology(mesh).expect("splits leave two tets to a face");
-        let [carried, of_best] = [&refined.outcome.positions, &best].map(|p| subdivision.extend(p.clone()));
-        if [&carried, &of_best].iter().any(|positions| !flipped_tets(&domain, positions).is_empty()) {
-            break RefineEnd::NoEdge;
-        }
-        refined.take(domain, &subdivision);
-        best = of_best;
-        refined.settle(round, &carried, &softly, observe)?;
-        let max_k = refined.max_k(&refined.outcome.positions);
-        if max_k < reached {
+        let max_k = refined.max_k(&refined.outcome.positions, surface);
+        let is_best = max_k < reached;
+        if is_best {
             (reached, best) = (max_k, refined.outcome.positions.clone());
         }
         let tets = refined.domain.mesh().tets().len();
-        refined.rounds.push(Round { edges: subdivision.edge_splits(), tets, max_k: reached });
+        refined.rounds.push(Round { edges, tets, max_k: reached });
+        if is_best && surface {
+            kept = Some(refined.clone());
+        }
     };
+    if let Some(kept) = kept {
+        return refined.settled_onto_ball(kept, reached, settings, observe);
+    }
     let round = refined.rounds.len();
     if (settings.polish != Polish::None || round > 0) && !settings.cancel.is_due() {
         let soft = std::mem::take(&mut refined.outcome.positions);
         refined.settle(round, &soft, settings, observe)?;
-        if refined.max_k(&refined.outcome.positions) > reached * (1.0 + settings.rise) {
+        if refined.max_k(&refined.outcome.positions, surface) > reached * (1.0 + settings.rise) {
             refined.settle(round, &best, settings, observe)?;
         }
     } else {
@@ -235,16 +212,57 @@ pub fn refine(
 }
 
 impl RefinedMap {
-    fn max_k(&self, positions: &[Vec3]) -> f64 {
-        measure(&self.domain, positions).summary.max_k
+    /// The largest K of a map, onto the ball if that is asked for, and then as far as points of the tets tell.
+    fn max_k(&self, positions: &[Vec3], onto_ball: bool) -> f64 {
+        if onto_ball {
+            Held::of(&self.domain, positions).map_or(f64::INFINITY, |held| held.k())
+        } else {
+            measure(&self.domain, positions).summary.max_k
+        }
     }
 
-    /// Goes over to the mesh that the subdivision made of this one.
-    fn take(&mut self, domain: Domain, subdivision: &Subdivision) {
-        self.domain = domain;
-        self.start = subdivision.extend(std::mem::take(&mut self.start));
-        let pair = |parents: &Vec<VertexId>| [parents[0], parents[1]];
-        self.halved.extend(subdivision.parents().iter().map(pair));
+    /// Lowers K onto the ball from positions that were settled on a coarser mesh, by so many problems at most.
+    fn settle_onto_ball(
+        &mut self,
+        (round, problems): (usize, usize),
+        positions: Vec<Vec3>,
+        settings: &OptimizeSettings,
+        observe: &mut dyn FnMut(&TraceRow),
+    ) -> Result<(), OptimizeError> {
+        let warped = Warped { domain: &self.domain, corners: None, mirrors: None, onto_ball: true };
+        let done = self.outcome.trace.len();
+        let mut told = |row: &TraceRow| observe(&TraceRow { round, ..row.clone() });
+        let settled = Outcome { positions, ..self.outcome.clone() };
+        self.outcome = warped.settle_onto_ball(settled, problems, settings, &mut told)?;
+        self.outcome.trace.iter_mut().skip(done).for_each(|row| row.round = round);
+        Ok(())
+    }
+
+    /// Settles K onto the ball on the last mesh; what was `kept` of an earlier one is settled where that is no better.
+    fn settled_onto_ball(
+        mut self,
+        mut kept: Self,
+        reached: f64,
+        settings: &OptimizeSettings,
+        observe: &mut dyn FnMut(&TraceRow),
+    ) -> Result<Self, OptimizeError> {
+        (kept.end, kept.max_k_before) = (self.end, self.max_k_before);
+        if settings.cancel.is_due() {
+            return Ok(kept);
+        }
+        let mut settle = |map: &mut Self| {
+            let (round, positions) = (map.rounds.len(), map.outcome.positions.clone());
+            map.settle_onto_ball((round, usize::MAX), positions, settings, observe)
+        };
+        settle(&mut self)?;
+        if self.max_k(&self.outcome.positions, true) <= reached {
+            return Ok(self);
+        }
+        settle(&mut kept)?;
+        if kept.rounds.is_empty() && !self.rounds.is_empty() {
+            kept.end = RefineEnd::NoGain;
+        }
+        Ok(kept)
     }
 
     /// Optimizes from positions that were settled on a coarser mesh, and adds the rows to those of the rounds before.
@@ -276,62 +294,6 @@ impl RefinedMap {
         self.outcome.trace = rows;
         Ok(())
     }
-
-    /// What halving edges inside gains, the best first, down to this share of the best.
-    fn gains(&self, least: f64) -> Vec<Gain> {
-        let tets = self.domain.mesh().tets();
-        let sides = |t: &[VertexId; 3]| [[0, 1], [1, 2], [2, 0]].map(|[i, j]| pair(t[i], t[j]));
-        let on_surface: HashSet<[VertexId; 2]> = self.domain.boundary().triangles().iter().flat_map(sides).collect();
-        let at = tets_at_vertices(&self.domain);
-        let allowed = |edge| !on_surface.contains(&edge) && self.keeps_shape(around(edge, tets, &at), edge);
-        let mut gains = gain::gains(&self.domain, &self.outcome.positions, &at, &allowed);
-        let best = gains.first().map_or(0.0, |gain| gain.value);
-        gains.retain(|gain| gain.value >= least * best);
-        gains
-    }
-
-    /// The mesh with these edges halved, as far as there are tets left for; `None` if there are none for the first.
-    fn subdivided(&self, most_tets: usize, gains: &[Gain]) -> Option<Subdivision> {
-        let tets = self.domain.mesh().tets();
-        let at = tets_at_vertices(&self.domain);
-        let mut count = tets.len();
-        let (mut halved, mut wanted) = (Vec::new(), HashSet::new());
-        for &Gain { edge, .. } in gains {
-            count += around(edge, tets, &at).count();
-            halved.push(edge);
-            wanted.insert(edge);
-            if count > most_tets {
-                break;
-            }
-        }
-        // A tet that is split twice counts once above: what is too many is left out again, the last first.
-        let nothing = halved.is_empty();
-        loop {
-            let mut subdivision = Subdivision::of(self.domain.mesh());
-            subdivision.split_edges(|edge| wanted.contains(&edge));
-            if subdivision.tet_count() <= most_tets {
-                return (nothing || !halved.is_empty()).then_some(subdivision);
-            }
-            for edge in halved.split_off(halved.len() * 19 / 20) {
-                wanted.remove(&edge);
-            }
-        }
-    }
-
-    /// Whether the halves of these tets at an edge are well enough shaped.
-    fn keeps_shape(&self, mut around: impl Iterator<Item = TetId>, edge: [VertexId; 2]) -> bool {
-        let mesh = self.domain.mesh();
-        let middle = edge.map(|v| mesh.points()[v.index()]).iter().sum::<Vec3>() / 2.0;
-        around.all(|tet| {
-            let corners = mesh.corners(tet);
-            let least = shape(corners).min(WORST_SHAPE);
-            edge.iter().all(|end| {
-                let ids = mesh.tets()[tet.index()];
-                let half = std::array::from_fn(|i| if ids[i] == *end { middle } else { corners[i] });
-                shape(half) >= least
-            })
-        })
-    }
 }
 
 /// The tets at each vertex.
@@ -356,24 +318,18 @@ fn pair(a: VertexId, b: VertexId) -> [VertexId; 2] {
     [a.min(b), a.max(b)]
 }
 
-/// The volume of a tet over the cube of its longest edge.
-fn shape(corners: [Vec3; 4]) -> f64 {
-    let edges = (0..4).flat_map(|i| (0..i).map(move |j| (i, j)));
-    let longest = edges.map(|(i, j)| (corners[i] - corners[j]).norm()).fold(0.0, f64::max);
-    edge_matrix(corners).determinant() / (6.0 * longest.powi(3))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::map::{RadialCoordinates, caraman};
-    use crate::mesh::Boundary;
-    use crate::optimize::optimize;
+    use crate::measure::ball_dilatation;
+    use crate::mesh::{Boundary, Subdivision};
+    use crate::optimize::{BoundaryValues, optimize};
     use crate::solid::{ShellSettings, Solid, shell_mesh};
 
     /// The cube in few tets and its radial map, optimized without a polish.
-    fn cube() -> (Domain, Vec<Vec3>, Outcome) {
-        let settings = ShellSettings { subdivisions: 2, refinement: None, layers: 2, grading: 1.0 };
+    fn cube(subdivisions: u32) -> (Domain, Vec<Vec3>, Outcome) {
+        let settings = ShellSettings { subdivisions, refinement: None, layers: 2, grading: 1.0 };
         let shell = shell_mesh(&Solid::Cube.surface().unwrap(), Vec3::new(0.2, 0.1, -0.15), &settings).unwrap();
         let start = caraman(&RadialCoordinates::of_shell(&shell), 1.0);
         let domain = Domain::new(shell.mesh).unwrap();
@@ -383,16 +339,16 @@ mod tests {
     }
 
     fn refined(refinement: &RefineSettings) -> (Domain, f64, RefinedMap) {
-        let (domain, start, outcome) = cube();
+        let (domain, start, outcome) = cube(2);
         let before = measure(&domain, &outcome.positions).summary.max_k;
-        let map =
-            refine(domain.clone(), start, outcome, &OptimizeSettings::default(), refinement, &mut |_| {}).unwrap();
+        let map = refine(domain.clone(), start, outcome, &OptimizeSettings::default(), refinement, None, &mut |_| {})
+            .unwrap();
         (domain, before, map)
     }
 
     #[test]
     fn k_falls_from_round_to_round_on_the_same_solid_with_the_same_boundary() {
-        let settings = RefineSettings { rounds: 6, tets: Budget::Share(1.0), until: 1e-3 };
+        let settings = RefineSettings { rounds: 6, tets: Budget::Share(1.0), until: 1e-3, surface: false };
         let (domain, before, map) = refined(&settings);
         assert!(!map.rounds.is_empty());
         let mut reached = before;
@@ -432,7 +388,7 @@ mod tests {
 
     #[test]
     fn it_ends_where_it_is_told_to_and_the_same_on_any_number_of_threads() {
-        let settings = |rounds, tets, until| RefineSettings { rounds, tets, until };
+        let settings = |rounds, tets, until| RefineSettings { rounds, tets, until, surface: false };
         let (domain, before, none) = refined(&settings(5, Budget::Tets(1), 0.02));
         assert_eq!((none.end, none.halved.len()), (RefineEnd::Budget, 0));
         assert!(measure(&domain, &none.outcome.positions).summary.max_k <= before * (1.0 + 3e-4));
@@ -444,29 +400,82 @@ mod tests {
         let again = pool.install(|| refined(&settings(2, Budget::Share(0.3), 1e-3)).2);
         assert_eq!((again.halved, again.outcome.positions), (two.halved, two.outcome.positions));
 
-        let (domain, start, outcome) = cube();
+        let (domain, start, outcome) = cube(2);
         let cancelled = OptimizeSettings::default();
         cancelled.cancel.raise();
-        let map = refine(domain, start, outcome, &cancelled, &RefineSettings::default(), &mut |_| {}).unwrap();
+        let map = refine(domain, start, outcome, &cancelled, &RefineSettings::default(), None, &mut |_| {}).unwrap();
         assert_eq!((map.end, map.rounds.len()), (RefineEnd::NotSettled, 0));
     }
 
     #[test]
     fn a_start_that_could_not_be_untangled_is_left_as_it_is() {
-        let (domain, start, _) = cube();
+        let (domain, start, _) = cube(2);
         let settings = OptimizeSettings::default();
         let outcome = Outcome::still_flipped(start.clone(), &settings);
-        let map = refine(domain, start, outcome, &settings, &RefineSettings::default(), &mut |_| {});
+        let map = refine(domain, start, outcome, &settings, &RefineSettings::default(), None, &mut |_| {});
         assert_eq!(map.unwrap().end, RefineEnd::NotSettled);
     }
 
     #[test]
-    fn budgets_are_numbers_or_shares() {
-        assert_eq!("500".parse(), Ok(Budget::Tets(500)));
-        assert_eq!(" 12.5 % ".parse(), Ok(Budget::Share(0.125)));
-        for text in ["", "-1", "5 percent", "-1 %", "inf %", "1e3"] {
-            assert!(text.parse::<Budget>().unwrap_err().contains("\"5 %\""), "{text}");
+    fn with_the_surface_the_solid_stays_and_k_onto_the_ball_falls() {
+        let (domain, start, outcome) = cube(1);
+        let centre = Vec3::new(0.2, 0.1, -0.15);
+        let refinement = RefineSettings { rounds: 5, ..RefineSettings::of_surface() };
+        let before = ball_dilatation(&domain, &outcome.positions).unwrap();
+        let settings = OptimizeSettings::default();
+        let refined = |outcome: &Outcome| {
+            let (domain, start, outcome) = (domain.clone(), start.clone(), outcome.clone());
+            refine(domain, start, outcome, &settings, &refinement, Some(centre), &mut |_| {}).unwrap()
+        };
+        let map = refined(&outcome);
+        // What the rounds tell is at points of the tets, so below what is certified.
+        assert!(map.max_k_before.unwrap() <= before.certified * (1.0 + 1e-10), "{map:?} {before:?}");
+        let mut reached = map.max_k_before.unwrap();
+        for round in &map.rounds {
+            assert!(round.max_k <= reached, "{} after {reached}", round.max_k);
+            reached = round.max_k;
         }
-        assert_eq!([Budget::Tets(7), Budget::Share(0.05)].map(|budget| budget.of(100)), [7, 5]);
+        assert!(reached < map.max_k_before.unwrap(), "{map:?}");
+        let found = ball_dilatation(&map.domain, &map.outcome.positions).unwrap();
+        assert!(found.certified < before.certified, "{found:?} after {before:?}");
+        // pi over the dihedral angle: no quasi-conformal map onto the ball has a smaller K.
+        assert!(2.0 <= found.certified);
+
+        // The same solid: all new vertices of the surface lie on the cube's faces, and its volume and its twelve edges stay.
+        let mesh = map.domain.mesh();
+        let (boundary, points) = (map.domain.boundary(), mesh.points());
+        assert!(boundary.triangles().len() > domain.boundary().triangles().len());
+        boundary.check_ball(mesh).unwrap();
+        let volume = |domain: &Domain| domain.volumes().iter().sum::<f64>();
+        assert!((volume(&map.domain) / 8.0 - 1.0).abs() < 1e-12 && (volume(&domain) / 8.0 - 1.0).abs() < 1e-12);
+        for (v, point) in points.iter().enumerate().filter(|(v, _)| boundary.vertex_mask()[*v]) {
+            assert!((point.amax() - 1.0).abs() < 1e-15, "vertex {v} at {point}");
+            // Where the radial map sends it, in the start as in the end.
+            let direction = (point - centre).normalize();
+            assert!((map.outcome.positions[v] - direction).norm() < 1e-14, "vertex {v}");
+            assert_eq!(map.start[v], map.outcome.positions[v]);
+        }
+        let mut again = Subdivision::of(domain.mesh());
+        again.halve(&map.halved).unwrap();
+        assert_eq!(&again.mesh().unwrap(), mesh);
+        assert_eq!(Subdivision::before(mesh, &map.halved).as_ref(), Some(domain.mesh()));
+
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
+        let again = pool.install(|| refined(&outcome));
+        assert_eq!((again.halved, again.outcome.positions), (map.halved, map.outcome.positions));
+    }
+
+    #[test]
+    fn middles_slide_on_the_sphere_with_a_boundary_that_slides() {
+        let (domain, start, outcome) = cube(1);
+        let refinement = RefineSettings { rounds: 4, tets: Budget::Share(3.0), ..RefineSettings::of_surface() };
+        let settings = OptimizeSettings { boundary_values: BoundaryValues::Sliding, ..OptimizeSettings::default() };
+        let map = refine(domain, start, outcome, &settings, &refinement, None, &mut |_| {}).unwrap();
+        assert!(!map.rounds.is_empty());
+        let on_sphere = map.domain.boundary().vertex_mask().iter().zip(&map.outcome.positions).filter(|(on, _)| **on);
+        for (_, image) in on_sphere {
+            assert!((image.norm() - 1.0).abs() < 1e-12, "{image}");
+        }
+        assert_eq!(measure(&map.domain, &map.outcome.positions).summary.flipped, 0);
     }
 }

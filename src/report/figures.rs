@@ -239,6 +239,9 @@ impl UntanglingFigures {
 pub struct RefinedFigures {
     /// How many tets there were.
     pub tets_before: usize,
+    /// Whether edges of the surface were halved as well; what is told of K here is onto the ball then.
+    #[serde(default)]
+    pub surface: bool,
     /// The largest K on them; `null` where the map was not settled.
     #[serde(default)]
     pub max_k_before: Option<f64>,

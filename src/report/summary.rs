@@ -161,7 +161,7 @@ fn splits_in_words(columns: usize, splits: Splits) -> String {
 
 /// What refinement where the largest K sits came to.
 fn refined_line(columns: usize, achieved: &Achieved) -> String {
-    let Some(RefinedFigures { tets_before, max_k_before, end, rounds }) = &achieved.refined else {
+    let Some(RefinedFigures { tets_before, surface, max_k_before, end, rounds }) = &achieved.refined else {
         return String::new();
     };
     let why = match end {
@@ -169,23 +169,31 @@ fn refined_line(columns: usize, achieved: &Achieved) -> String {
         RefineEnd::Budget if rounds.is_empty() => "to halve a single edge adds more tets than are allowed",
         RefineEnd::Budget => "the next round would add more tets than are allowed",
         RefineEnd::Rounds => "these were all that were asked for",
-        RefineEnd::NoEdge => "no edge inside is left that gains anything where it is halved",
+        RefineEnd::NoEdge => "no edge is left that gains anything where it is halved",
+        RefineEnd::NoGain => {
+            "K onto the ball was larger on every finer mesh, so none was kept: more tets may bring it down"
+        }
         RefineEnd::NotSettled => "the map was not settled",
     };
     let added = rounds.last().map_or(0, |round| round.tets - tets_before);
+    let (what, settled) = match achieved.last.ball_k.filter(|_| *surface) {
+        Some(k) => ("K onto the ball", k.certified),
+        None => ("max K", achieved.last.max_k),
+    };
     let reached = match (rounds.first(), rounds.last()) {
         (Some(first), Some(last)) => {
             let before = max_k_before.map(|k| format!("{} before, ", number(k))).unwrap_or_default();
             let [first, last] = [first.max_k, last.max_k].map(number);
-            let settled = number(achieved.last.max_k);
-            format!(", max K {before}{first} after the first, {last} after the last, {settled} once settled")
+            let settled = number(settled);
+            format!(", {what} {before}{first} after the first, {last} after the last, {settled} once settled")
         }
         _ => String::new(),
     };
-    let gained = max_k_before.map_or(1.0, |before| before / achieved.last.max_k);
+    let gained = max_k_before.map_or(1.0, |before| before / settled);
     let nothing = match rounds.last() {
         Some(_) if gained >= GAINED => "",
         None => "",
+        Some(_) if *surface => "; they gained nothing",
         Some(_) if added < achieved.active => "; they gained nothing: more tets hold the largest K than were added",
         Some(_) => {
             "; they gained nothing: halving edges inside does not change what holds the largest K, another surface mesh may"
@@ -193,8 +201,9 @@ fn refined_line(columns: usize, achieved: &Achieved) -> String {
     };
     let share = percent(added as f64 / *tets_before as f64);
     let count = rounds.len();
+    let of_surface = if *surface { ", on the surface too" } else { "" };
     let text = format!(
-        "{count} round{} where K sits, {added} tet{} added ({share}){reached}{nothing}; {why}",
+        "{count} round{} where K sits{of_surface}, {added} tet{} added ({share}){reached}{nothing}; {why}",
         s(count),
         s(added)
     );

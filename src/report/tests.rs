@@ -291,7 +291,8 @@ fn the_summary_tells_what_refinement_came_to_and_where_it_gained_nothing() {
     let round = |max_k| Round { edges: 1, tets: 6, max_k };
     let mut told = |before: f64, rounds: Vec<Round>| {
         let max_k_before = Some(before);
-        report.achieved.refined = Some(RefinedFigures { tets_before: 4, max_k_before, end: RefineEnd::Rounds, rounds });
+        report.achieved.refined =
+            Some(RefinedFigures { tets_before: 4, surface: false, max_k_before, end: RefineEnd::Rounds, rounds });
         summary(&report).split_whitespace().collect::<Vec<_>>().join(" ")
     };
     let text = told(2.0 * max_k, vec![round(1.8 * max_k), round(1.5 * max_k)]);

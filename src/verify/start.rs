@@ -98,12 +98,15 @@ pub(super) fn again(files: &Files, findings: &mut Findings) -> Option<Again> {
     };
     if let Some(told) = refined {
         let before = start.domain.mesh().tets().len();
+        findings.expect(plan.refine.is_some_and(|refine| refine.surface) == told.surface, || {
+            "the report's refinement is not the config's, of the surface or inside alone".into()
+        });
         findings.expect(told.tets_before == before, || {
             format!("the mesh before the refinement had {before} tets, not {}", told.tets_before)
         });
     }
     let unrefined = (!files.halved.is_empty()).then(|| start.measure(&start.image, &Cancel::default()).summary);
-    let start = match start.halved(&files.halved) {
+    let start = match start.halved(&files.halved, refined.as_ref().is_some_and(|refined| refined.surface)) {
         Ok(start) => start,
         Err(error) => {
             findings.found(format!("{HALVED} halves what the config's domain does not have: {error}"));

@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::Path;
 
+use qcball::mesh::{Boundary, TetMesh, Vec3};
 use serde_json::{Value, json};
 
 use super::folder::{
@@ -107,4 +108,62 @@ fn a_refined_mesh_of_tetgen_is_held_against_the_solid_and_the_start() {
             ("the last halving left out", leave_out_the_last_halving, "refined.csv"),
         ],
     );
+}
+
+const OF_SURFACE: &[&str] = &["mesh.layers=2", "refine.rounds=4", "refine.tets=\"400 %\"", "refine.surface=true"];
+
+/// Changes the last vertex on the boundary, a new one, in the domain or in the image.
+fn last_on_surface(folder: &std::path::Path, of_image: bool, change: fn(&mut Vec3)) {
+    edit_maps(folder, |maps| {
+        let boundary = Boundary::of(
+            &TetMesh::from_either_orientation(maps.domain.soup.points.clone(), maps.domain.soup.tets.clone())
+                .unwrap()
+                .0,
+        );
+        let vertex = boundary.unwrap().vertex_mask().iter().rposition(|on| *on).unwrap();
+        let soup = if of_image { &mut maps.image.soup } else { &mut maps.domain.soup };
+        change(&mut soup.points[vertex]);
+    });
+}
+
+/// The same of a run with refinement of the surface.
+const TAMPERINGS_OF_SURFACE: &[Tampering] = &[
+    ("a new vertex moved off its face", |f| last_on_surface(f, false, |p| *p *= 1.0 + 1e-6), "of domain.vtu"),
+    (
+        "a new vertex moved on the sphere",
+        |f| {
+            last_on_surface(f, true, |p| {
+                let norm = p.norm();
+                *p += Vec3::new(1e-6, -2e-6, 1e-6);
+                *p *= norm / p.norm();
+            });
+        },
+        "of image.vtu",
+    ),
+    ("the surface forgotten", |f| edit_report(f, "/refined/surface", |_| json!(false)), "surface"),
+    ("a round that raises K", |f| edit_report(f, "/refined/rounds/0/max_k", |_| json!(1.0)), "rises"),
+    (
+        "another edge halved",
+        |f| edit_cell(f, "refined.csv", 0, 1, |from| if from == "0" { "1".into() } else { "0".into() }),
+        "refined.csv",
+    ),
+];
+
+#[test]
+fn a_refined_surface_is_verified_and_every_tampering_with_it_is_found() {
+    let folder = results(OF_SURFACE);
+    let achieved = report(folder.path()).achieved;
+    let refined = achieved.refined.expect("rounds were asked for");
+    assert!(refined.surface && !refined.rounds.is_empty(), "{refined:?}");
+    assert!(achieved.last.ball_k.unwrap().certified < refined.max_k_before.unwrap());
+    let (code, text) = qcball(&["verify"], folder.path());
+    assert!(code == Some(0) && text.contains("rounds of refinement"), "{text}");
+    every_one_is_found(folder.path(), TAMPERINGS_OF_SURFACE);
+}
+
+#[test]
+fn a_refined_surface_that_slides_is_verified() {
+    let folder = results(&[OF_SURFACE, &["boundary.values=\"sliding\""]].concat());
+    let (code, text) = qcball(&["verify"], folder.path());
+    assert_eq!(code, Some(0), "{text}");
 }

@@ -21,6 +21,8 @@ pub(crate) struct Factor {
     pub right: Mat3,
     /// L, and what becomes of it where the corners move, those of the tet alone.
     pub afterwards: Afterwards,
+    /// The boundary triangle whose cone the point's image lies in.
+    pub triangle: usize,
 }
 
 /// What a corner of a part of a tet knows: R, and L with the corner's weights.
@@ -57,27 +59,26 @@ impl<'a> OntoBall<'a> {
 
     /// The largest K at the corners of [`OntoBall::factors`].
     pub(super) fn sampled(&self, tet: TetId) -> f64 {
-        self.factors_on(tet, THIN).iter().map(|factor| factor.k).fold(1.0, f64::max)
+        self.factors_on(tet, THIN, 0.0).iter().map(|factor| factor.k).fold(1.0, f64::max)
     }
 
-    /// At the corners of the parts of a tet in single cones the matrices R and L, of determinants p > 0 and 1, with which the map onto the
-    /// ball has the Jacobian L J R up to a factor, J being that of the piecewise-linear map; before them K there. On such a part K has its
-    /// maximum at a corner, up to the curvature of L and R. The apex of a warped tet has an R in each direction, 0 an L.
+    /// The factors at the corners of the parts of a tet in single cones, of cones whose radial map has more than a K of `stretch`. On such a
+    /// part K has its maximum at a corner, up to the curvature of L and R. The apex of a warped tet has an R in each direction, 0 an L.
     ///
     /// Even the thinnest part counts: a map that is made better to where a tet would reach into a cone of larger K reaches there in the end.
-    pub fn factors(&self, tet: TetId) -> Vec<Factor> {
-        self.factors_on(tet, 0.0)
+    pub fn factors(&self, tet: TetId, stretch: f64) -> Vec<Factor> {
+        self.factors_on(tet, 0.0, stretch)
     }
 
     /// The same on the parts of the tet larger than `thin`, relative to its volume.
-    fn factors_on(&self, tet: TetId, thin: f64) -> Vec<Factor> {
+    fn factors_on(&self, tet: TetId, thin: f64, stretch: f64) -> Vec<Factor> {
         let rest = self.domain.mesh().corners(tet);
         let images = self.domain.mesh().tets()[tet.index()].map(|v| self.image[v.index()]);
         let jacobian = self.domain.jacobian(tet, self.image);
         let warp = self.warped_cone(tet).and_then(|_| self.corners?.warp(tet));
         let size = images.iter().map(|y| y.norm()).fold(0.0, f64::max);
         let (mut found, shadow) = (Vec::new(), Shadow::of(&images));
-        self.cones.for_each_near(shadow.cap(), 0.0, &mut |index| {
+        self.cones.for_each_near(shadow.cap(), stretch, &mut |index| {
             let cone = self.cones.get(index);
             if shadow.nearly_misses(cone) {
                 return;
@@ -111,7 +112,7 @@ impl<'a> OntoBall<'a> {
                     let change = turning(cone, &images, &places, &weights, &(jacobian * right));
                     Box::new(Turning { from: images, change })
                 });
-                found.push(Factor { k, right, afterwards: Afterwards { left, turning } });
+                found.push(Factor { k, right, afterwards: Afterwards { left, turning }, triangle: index });
             };
             for end in &ends {
                 match *end {
