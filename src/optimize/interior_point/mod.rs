@@ -10,18 +10,19 @@
 mod system;
 
 use super::damping::{Damping, rounding};
-use super::line_search::{HALVINGS, Trials, dot};
+use super::line_search::{HALVINGS, dot};
 use super::recorder::PhaseEnd;
 use super::{KktResidual, Progress, Recorder};
 use crate::mesh::Vec3;
 use crate::objective::{Assembly, Barrier, Iterate, NearActive, PrimalDual};
 use system::{Row, Step, System, Target};
 
-/// Distance of the first bound above the present ln max K: in ln K, and as a share of it where that is less.
-const FIRST_SLACK: (f64, f64) = (0.0005, 0.1);
-/// The same where vertices slide, in ln K: thousands of tets come near the maximum together there, and a first centre from which
-/// they are seen takes half the steps (prism-1k 41 instead of 194, tetra-1k 90 instead of 156).
-const FIRST_SLACK_SLIDING: f64 = 0.1;
+/// Distance of the first bound above the present ln max K: in ln K, and as a share of it where that is less. Where thousands of tets
+/// come near the maximum together, a first centre from which they are seen saves half the steps.
+const FIRST_SLACK: (f64, f64) = (0.1, 0.1);
+/// Least slack of a constraint that comes near: as a share of the bound, and in ln K where the bound is given. It may be larger than the
+/// distance, and must be where steps have led past the bound; where all start at the bound, small ones would hold every step back.
+const LEAST_SLACK: (f64, f64) = (0.01, 0.001);
 /// The first weight as a share of that for which the first bound is stationary: with all of it the first centres lie so far
 /// above the maximum that few constraints are near them.
 const FIRST_WEIGHT: f64 = 0.1;
@@ -33,7 +34,7 @@ const FIRST_GAIN: f64 = 0.1;
 /// larger shares its singular value could still become a double one, see [`PrimalDual`].
 const NEAR: (f64, f64) = (0.2, 0.3);
 /// Least share of the products s * multiplier that a step aims at.
-const LEAST_CENTRING: f64 = 0.1;
+const LEAST_CENTRING: f64 = 0.05;
 /// Share of the tolerance that the products and the barrier on the rest may take up together.
 const LAST_SHARE: f64 = 0.3;
 /// Most corrections of single products a factorisation, how much longer a step each aims at, and the share of that which
@@ -55,6 +56,9 @@ const SHORT: (usize, f64) = (6, 1e-3);
 /// near a centre far above the maximum, and steps then go to and fro about it. Not so where vertices slide, whose first centre has
 /// many constraints near it: there the predictor alone says when.
 const IDLE: (usize, f64) = (5, 0.3);
+/// After a step shorter than the first entry the weight may rise, up to the second one times what it was, and times the first one:
+/// where ever more constraints come near, it has fallen too soon, and the steps to its centre are a hundredth of their length.
+const RISE: (f64, f64) = (0.3, 3.0);
 /// Complementarity from which it is clear whether the multipliers stay away from the rim, and the share of them from where
 /// a larger region is needed.
 const RIM: (f64, f64) = (1e-3, 1e-2);
@@ -118,8 +122,7 @@ impl Path {
         let (bound, rest_weight, mean_weight) = match goal {
             Goal::Bound => {
                 let largest = 3.0 * iterate.largest_log()?;
-                let slack = if assembly.unknowns().slides() { FIRST_SLACK_SLIDING } else { FIRST_SLACK.0 };
-                let bound = largest + slack.min(FIRST_SLACK.1 * largest);
+                let bound = largest + FIRST_SLACK.0.min(FIRST_SLACK.1 * largest);
                 let stationary = -1.0 / assembly.bound_derivatives(&Barrier { bound }, iterate)?.0;
                 (bound, FIRST_WEIGHT * stationary, 0.0)
             }
@@ -151,6 +154,8 @@ impl Path {
         let (mut short, mut idle) = (0, 0);
         let share = recorder.progress;
         let mut first_gap = None;
+        let first_weight = self.problem.rest_weight;
+        let mut length: f64 = 1.0;
         for _ in 0..MOST_STEPS {
             self.select(iterate, self.problem.rest_weight);
             let Some(rows) = self.rows(assembly, iterate) else { return PhaseEnd::NoProgress };
@@ -174,12 +179,17 @@ impl Path {
                 Goal::Mean(_) => ("mean", 1.0),
             };
             recorder.progress = share + (last - share) * done.clamp(0.0, 1.0);
-            let most = if idle >= IDLE.0 && !slides { IDLE.1 } else { 1.0 } * self.problem.rest_weight;
+            let most = match length < RISE.0 {
+                true => RISE.1 * self.problem.rest_weight.min(first_weight),
+                false if idle >= IDLE.0 && !slides => IDLE.1 * self.problem.rest_weight,
+                false => self.problem.rest_weight,
+            };
             let (step, weight) = self.step(assembly, iterate.image(), &system, &rows, most);
             idle = if weight < 0.9 * self.problem.rest_weight { 0 } else { idle + 1 };
-            let Some(length) = self.advance(assembly, iterate, &rows, &step, weight) else {
+            let Some(taken) = self.advance(assembly, iterate, &rows, &step, weight) else {
                 return PhaseEnd::NoProgress;
             };
+            length = taken;
             short = if length < SHORT.1 { short + 1 } else { 0 };
             if recorder.record(phase, self.problem.bound, length, iterate) == Progress::Stop {
                 return PhaseEnd::Interrupted;
@@ -192,6 +202,10 @@ impl Path {
     /// Gives multipliers to the constraints that have come near the bound, and takes them from those that have left.
     fn select(&mut self, iterate: &Iterate, weight: f64) {
         let problem = &mut self.problem;
+        let least = match self.goal {
+            Goal::Bound => LEAST_SLACK.0 * problem.bound,
+            Goal::Mean(_) => LEAST_SLACK.1,
+        };
         for (tet, logs) in iterate.logs().enumerate() {
             let Some(logs) = logs else { continue };
             for (entry, (axis, factor)) in problem.near_active[tet].iter_mut().zip(PrimalDual::SIDES) {
@@ -199,6 +213,7 @@ impl Path {
                 if slack > NEAR.1 * problem.bound {
                     *entry = None;
                 } else if entry.is_none() && slack < NEAR.0 * problem.bound {
+                    let slack = slack.max(least);
                     // As the barrier of this weight had it until now.
                     *entry = Some(NearActive { slack, multiplier: weight / slack });
                 }
@@ -315,7 +330,8 @@ impl Path {
         (best, weight)
     }
 
-    /// Takes the step, halved until no tet is flipped and none without a multiplier is beyond the bound; the share taken.
+    /// Takes the step, halved until no tet is flipped and no K above the ceiling; the share taken. What has no multiplier yet may be
+    /// beyond the bound then.
     fn advance(
         &mut self,
         assembly: &Assembly<'_>,
@@ -324,17 +340,15 @@ impl Path {
         step: &Step,
         weight: f64,
     ) -> Option<f64> {
-        let mut trials = Trials::default();
         let mut length = step.primal;
         let mut tried = 0;
-        let (trial, bound) = loop {
-            let mut at_trial = self.problem.clone();
-            at_trial.bound += length * step.bound;
-            let image: Vec<Vec3> = assembly.moved(iterate.image(), &step.positions, length);
-            if let Some((_, trial)) = trials.evaluate(assembly, &at_trial, image)
-                && 3.0 * trial.largest_log()? <= self.ceiling
-            {
-                break (trial, at_trial.bound);
+        let trial = loop {
+            let image = assembly.moved(iterate.image(), &step.positions, length);
+            if assembly.turned_triangle(&image).is_none() {
+                let trial = assembly.at(image);
+                if trial.largest_log().is_some_and(|largest| 3.0 * largest <= self.ceiling) {
+                    break trial;
+                }
             }
             tried += 1;
             if tried > HALVINGS {
@@ -343,12 +357,12 @@ impl Path {
             length *= 0.5;
         };
         let problem = &mut self.problem;
-        problem.bound = bound;
+        problem.bound += length * step.bound;
         problem.rest_weight = weight;
         let logs: Vec<_> = trial.logs().collect();
         for (k, row) in rows.iter().enumerate() {
             let (axis, factor) = PrimalDual::SIDES[row.side];
-            let distance = bound - factor * logs[row.tet]?[axis];
+            let distance = problem.bound - factor * logs[row.tet]?[axis];
             let slack = (row.slack + length * step.slacks[k]).max(distance);
             let multiplier = row.multiplier + step.dual * step.multipliers[k];
             let multiplier = multiplier.clamp(weight / PRODUCTS / slack, weight * PRODUCTS / slack);
