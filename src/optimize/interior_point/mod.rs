@@ -48,7 +48,7 @@ const PRODUCTS: f64 = 1e4;
 const REACHED: f64 = 0.7;
 /// Largest violation of a given bound, in ln K.
 pub(super) const VIOLATION: f64 = 1e-5;
-/// Most Newton steps; 8 to 23 are usual, 41 the most seen where no vertex slides, and 200 were too few for tetra-10k where they do.
+/// Most Newton steps; 8 to 29 are usual, 44 the most seen where no vertex slides, and 400 too few for tetra-10k where they do.
 const MOST_STEPS: usize = 400;
 /// Steps in a row below the second entry that end it.
 const SHORT: (usize, f64) = (6, 1e-3);
