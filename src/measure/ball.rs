@@ -193,7 +193,7 @@ fn enclosed(
         });
     let of_warped = chosen.par_iter().map(|&tet| TetId(tet as u32)).filter(|tet| !linear(tet));
     let of_warped = of_warped.map(|tet| attained(onto.sampled(tet))).reduce(|| 1.0, f64::max);
-    let mut found = BallDilatation { certified: 1.0, sampled: at_boundary.reduce(|| 1.0, f64::max).max(of_warped) };
+    let found = BallDilatation { certified: 1.0, sampled: at_boundary.reduce(|| 1.0, f64::max).max(of_warped) };
     // The tets of largest K first: once theirs are known, most of the others are passed over.
     let most = cones.largest_stretch();
     let bound = |k: f64| product(k, most);
@@ -204,32 +204,47 @@ fn enclosed(
     let mut order: Vec<(f64, usize)> =
         chosen.into_par_iter().filter(|&tet| may_exceed(tet)).map(|tet| (bound(largest(tet)), tet)).collect();
     order.par_sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    let room = if (0..tets.len() as u32).all(|tet| linear(&TetId(tet))) { 1.0 } else { 1.0 + TOLERANCE_WARPED };
-    let mut left = POLYGONS.0 + POLYGONS.1 * tets.len();
-    for batch in order.chunks(BATCH) {
-        let floor = found.certified.max(found.sampled * room);
-        if batch[0].0 <= floor {
-            break;
+    let of_linear = (0..tets.len() as u32).all(|tet| linear(&TetId(tet)));
+    // From what was sampled.
+    let first = found;
+    let bounded = |snaps: bool| {
+        let mut found = first;
+        let room = if of_linear && !snaps { 1.0 } else { 1.0 + TOLERANCE_WARPED };
+        let mut left = POLYGONS.0 + POLYGONS.1 * tets.len();
+        for batch in order.chunks(BATCH) {
+            let floor = found.certified.max(found.sampled * room);
+            if batch[0].0 <= floor {
+                break;
+            }
+            if cancel.is_raised() {
+                return None;
+            }
+            let tolerance = if left > 0 { TOLERANCE } else { ROUGH };
+            let bounded = batch.par_iter().filter(|(bound, _)| *bound > floor);
+            let larger = |(a, n): (BallDilatation, usize), (b, m): (BallDilatation, usize)| {
+                let (certified, sampled) = (a.certified.max(b.certified), a.sampled.max(b.sampled));
+                (BallDilatation { certified, sampled }, n + m)
+            };
+            let bounded = bounded.map(|&(_, tet)| match warped(tet) {
+                None => of_tet(&map(tet), &positions(tet), snaps, cones, floor, tolerance),
+                Some(warped) => warped.bound(floor),
+            });
+            let (more, polygons) = bounded.reduce(|| (found, 0), larger);
+            (found, left) = (more, left.saturating_sub(polygons));
         }
-        if cancel.is_raised() {
-            return Ok(None);
-        }
-        let tolerance = if left > 0 { TOLERANCE } else { ROUGH };
-        let bounded = batch.par_iter().filter(|(bound, _)| *bound > floor);
-        let larger = |(a, n): (BallDilatation, usize), (b, m): (BallDilatation, usize)| {
-            let (certified, sampled) = (a.certified.max(b.certified), a.sampled.max(b.sampled));
-            (BallDilatation { certified, sampled }, n + m)
-        };
-        let bounded = bounded.map(|&(_, tet)| match warped(tet) {
-            None => of_tet(&map(tet), &positions(tet), cones, floor, tolerance),
-            Some(warped) => warped.bound(floor),
-        });
-        let (more, polygons) = bounded.reduce(|| (found, 0), larger);
-        (found, left) = (more, left.saturating_sub(polygons));
+        // What was passed over is no larger than either.
+        Some(BallDilatation { certified: found.certified.max(found.sampled * room), ..found })
+    };
+    let Some(found) = bounded(false) else { return Ok(None) };
+    if !(of_linear && found.certified > found.sampled * (1.0 + ROUGH)) {
+        return Ok(Some(found));
     }
-    // What was passed over is no larger than either.
-    found.certified = found.certified.max(found.sampled * room);
-    Ok(Some(found))
+    // Slivers that are there by rounding alone may have decided.
+    let snapped = bounded(true);
+    Ok(snapped.map(|snapped| BallDilatation {
+        certified: snapped.certified.max(found.sampled).min(found.certified),
+        ..found
+    }))
 }
 
 /// Measures a map, K onto the ball included where there is one.
@@ -307,17 +322,27 @@ fn attained(k: f64) -> f64 {
 }
 
 /// The largest K of one tet in the cones that its image meets, and how many polygons that took. What lies below `floor` need
-/// not be known better, and nothing better than to `tolerance`.
-fn of_tet(map: &TetMap, corners: &[Vec3; 4], cones: &Cones, floor: f64, tolerance: f64) -> (BallDilatation, usize) {
+/// not be known better, and nothing better than to `tolerance`. If it `snaps`, vertices near the sides of cones are taken to lie on them
+/// ([`pieces`]).
+fn of_tet(
+    map: &TetMap,
+    corners: &[Vec3; 4],
+    snaps: bool,
+    cones: &Cones,
+    floor: f64,
+    tolerance: f64,
+) -> (BallDilatation, usize) {
     if map.k().is_infinite() {
         return (BallDilatation { certified: f64::INFINITY, sampled: 1.0 }, 0);
     }
     let shadow = Shadow::of(corners);
-    let mut search = Search { map, queue: BinaryHeap::new(), sampled: 1.0, wanted: floor, tolerance };
+    let moved = if snaps { pieces::moved_by_snapping(corners) } else { 0.0 };
+    let mut search = Search { map, moved, queue: BinaryHeap::new(), sampled: 1.0, wanted: floor, tolerance };
+    let misses = |cone: &Cone| if snaps { shadow.nearly_misses(cone) } else { shadow.misses(cone) };
     // Rounded down, so that no product with K is above the floor.
     cones.for_each_near(shadow.cap(), (floor / map.k()).next_down().next_down(), &mut |index| {
         let cone = cones.get(index);
-        if product(map.k(), cone.stretch) > floor && !shadow.misses(cone) {
+        if product(map.k(), cone.stretch) > floor && !misses(cone) {
             Polygon::of(&shadow, cone, map).into_iter().for_each(|polygon| search.take(polygon, index, cone));
         }
     });
@@ -336,6 +361,8 @@ fn of_tet(map: &TetMap, corners: &[Vec3; 4], cones: &Cones, floor: f64, toleranc
 /// The polygons of one tet, and how far they are to be halved.
 struct Search<'a> {
     map: &'a TetMap,
+    /// What a move of its vertices may change of its norms, relative.
+    moved: f64,
     queue: BinaryHeap<Queued>,
     /// The largest K found.
     sampled: f64,
@@ -353,7 +380,7 @@ impl Search<'_> {
         }
         // The bound comes no lower than what the corners have, whether the tet reaches them or not.
         self.wanted = self.wanted.max(at_corners * (1.0 + self.tolerance));
-        self.queue.push(Queued { bound: polygon.bound(self.map, cone), index, polygon });
+        self.queue.push(Queued { bound: polygon.bound(self.map, cone, self.moved), index, polygon });
     }
 }
 

@@ -11,7 +11,7 @@ use crate::dilatation::Dilatation;
 use crate::mesh::{MeshError, TetMesh, Vec3, VertexId, edge_matrix};
 use crate::solid::Surface;
 use crate::solid::faces::{Faces, flat_faces};
-use crate::solid::shell::{MOST_TETS, cone_tets, layer_fractions};
+use crate::solid::shell::{MOST_TETS, cone_tets, layer_fractions, too_steep};
 
 /// What a flag mesh is made with.
 #[derive(Clone, Debug, PartialEq)]
@@ -151,7 +151,9 @@ fn check(settings: &FlagSettings) -> Result<(), FlagError> {
     if [settings.grading, settings.layer_grading].iter().any(|grading| !(grading.is_finite() && *grading > 0.0)) {
         return refuse("grading and layer_grading must be positive numbers");
     }
-    Ok(())
+    let rings = too_steep("grading", settings.grading, settings.rings, "rings");
+    let steep = rings.or_else(|| too_steep("layer_grading", settings.layer_grading, settings.layers, "layers"));
+    steep.map_or(Ok(()), |steep| refuse(&steep))
 }
 
 /// What the diagonals of the layers follow: they run from the inner end of what comes first. Which is best depends on the solid and on
@@ -451,6 +453,12 @@ mod tests {
         let large = FlagSettings { sectors: 1000, rings: 1000, layers: 1000, ..usual.clone() };
         assert!(matches!(flag_mesh(&surface, Vec3::zeros(), &large), Err(FlagError::TooLarge { flags: 48, .. })));
         let steep = FlagSettings { layers: 2000, layer_grading: 2.0, sectors: 1, rings: 1, ..usual };
-        assert!(matches!(flag_mesh(&surface, Vec3::zeros(), &steep), Err(FlagError::Cell(_))));
+        assert!(matches!(flag_mesh(&surface, Vec3::zeros(), &steep), Err(FlagError::Settings(_))));
+        let steep = FlagSettings { rings: 40, grading: 3.0, ..FlagSettings::default() };
+        let error = flag_mesh(&surface, Vec3::zeros(), &steep).unwrap_err().to_string();
+        assert!(error.starts_with("a grading of 3 over 40 rings") && error.ends_with("or fewer rings"), "{error}");
+        // Thin ones that are no rounding are meshed.
+        let thin = FlagSettings { rings: 20, grading: 3.0, ..FlagSettings::default() };
+        assert!(flag_mesh(&surface, Vec3::zeros(), &thin).is_ok());
     }
 }

@@ -163,6 +163,18 @@ pub fn shell_mesh_until(
     layered(surface, centre, &layer_fractions(settings.layers, settings.grading))
 }
 
+/// What is wrong with a grading that leaves some layers no thickness, and what to do.
+pub(super) fn too_steep(name: &str, grading: f64, count: u32, what: &str) -> Option<String> {
+    let fractions = layer_fractions(count, grading);
+    let thinnest = fractions.windows(2).map(|pair| pair[1] - pair[0]).fold(fractions[0], f64::min);
+    // NaN where powers of the grading leave the range of numbers.
+    (thinnest.is_nan() || thinnest <= LEAST_LAYER).then(|| {
+        format!(
+            "a {name} of {grading} over {count} {what} makes some too thin to be told from nothing beside the others; take one nearer to 1, or fewer {what}"
+        )
+    })
+}
+
 fn check(settings: &ShellSettings) -> Result<(), ShellError> {
     let refuse = |message: &str| Err(ShellError::Settings(message.into()));
     if settings.subdivisions == 0 {
@@ -174,14 +186,8 @@ fn check(settings: &ShellSettings) -> Result<(), ShellError> {
     if !(settings.grading.is_finite() && settings.grading > 0.0) {
         return refuse("grading must be a positive number");
     }
-    let fractions = layer_fractions(settings.layers, settings.grading);
-    let thinnest = fractions.windows(2).map(|pair| pair[1] - pair[0]).fold(fractions[0], f64::min);
-    // NaN where powers of the grading leave the range of numbers.
-    if thinnest.is_nan() || thinnest <= LEAST_LAYER {
-        return refuse(&format!(
-            "a grading of {} over {} layers makes some too thin to be told from nothing beside the others; take one nearer to 1, or fewer layers",
-            settings.grading, settings.layers
-        ));
+    if let Some(steep) = too_steep("grading", settings.grading, settings.layers, "layers") {
+        return refuse(&steep);
     }
     match settings.refinement {
         Some(Refinement::EdgeLength(length)) if !(length.is_finite() && length > 0.0) => {

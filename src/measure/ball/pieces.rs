@@ -31,7 +31,7 @@
 //! that this does not count, a vertex of the image that lies nearer than [`SNAP`] of its distance from 0 to the plane of a side of a cone is
 //! taken to lie on it. There is a map whose vertices do, and differ from the given ones by no more: where several such planes meet in a vertex
 //! they have a line in common, from 0 to a vertex of the boundary. The bound is that of the two maps: what the difference can do
-//! to the tet's matrices is added.
+//! to the tet's matrices is added. Tets that no warp reaches are so bounded where they else were far above what any point has.
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -69,9 +69,7 @@ pub(super) struct WarpedTet<'a> {
     at_corners: Vec<TetMap>,
     /// Upper bounds of |J R| and |R^-1 J^-1|.
     largest: Norms,
-    /// The square of the image's longest edge over its sixfold volume, 1 / length.
-    flatness: f64,
-    /// The same of the tet, times the distance to which its vertices are known.
+    /// The [`flatness`] of the tet, times the distance to which its vertices are known.
     uncertainty: f64,
     /// The corners, and the same from the apex; and their images.
     rest: [Vec3; 4],
@@ -134,17 +132,12 @@ impl<'a> WarpedTet<'a> {
         let at_corners = map.warped(&warp, &corners);
         let largest = [0, 1].map(|side| at_corners.iter().map(|map| map.norms()[side]).fold(0.0, f64::max));
         let offsets = rest.map(|corner| corner - apex);
-        let flatness = |corners: &[Vec3; 4]| {
-            largest_distance(corners, |edge| edge.norm_squared()) / edge_matrix(*corners).determinant()
-        };
         let uncertainty = moved * flatness(rest);
-        let flatness = flatness(image);
         Self {
             map: map.with_exponent(&warp),
             warp,
             at_corners,
             largest,
-            flatness,
             uncertainty,
             rest: *rest,
             offsets,
@@ -167,7 +160,7 @@ impl<'a> WarpedTet<'a> {
         }
         if shadow.cap().is_all() {
             // 0 may lie inside, where no point has a direction.
-            let of_maps = self.at_corners.iter().map(|map| of_tet(map, &self.image, self.cones, floor, 1e-2));
+            let of_maps = self.at_corners.iter().map(|map| of_tet(map, &self.image, false, self.cones, floor, 1e-2));
             let larger = of_maps.fold((1.0, 0), |(k, n), (found, more)| (found.certified.max(k), n + more));
             return (BallDilatation { certified: larger.0, sampled: 1.0 }, larger.1);
         }
@@ -277,9 +270,7 @@ impl<'a> WarpedTet<'a> {
             + (power - 1.0).abs().max((1.0 / power - 1.0).abs()) * slope.norm() * size(&projections);
         let cancelled = corners.iter().map(|corner| corner.cancelled).fold(1.0, f64::max);
         let moved = 4.0 * ROUNDING * cancelled * moved * (1.0 + cone.sigma) * (1.0 + power.max(1.0 / power));
-        // What a move of the vertices of the image does to the matrices: relative to the heights of the tet, of which none is less than its
-        // volume over the square of its longest edge.
-        let moved = moved + 8.0 * SNAP * size(&self.image) * self.flatness;
+        let moved = moved + moved_by_snapping(&self.image);
         // The same for those of the tet, of which no height is more than those of its cone.
         let of_warp = 1.0 + (power - 1.0).abs().max((1.0 / power - 1.0).abs()) * slope.norm() * size(&projections);
         let moved = moved + 8.0 * self.uncertainty * of_warp;
@@ -331,6 +322,17 @@ impl<'a> WarpedTet<'a> {
             Piece { bound: *bound, cone: *index, simplex, corners }
         })
     }
+}
+
+/// The square of a tet's longest edge over its sixfold volume, 1 / length.
+fn flatness(corners: &[Vec3; 4]) -> f64 {
+    largest_distance(corners, |edge| edge.norm_squared()) / edge_matrix(*corners).determinant()
+}
+
+/// What a move of the vertices of an image to planes near them does to the matrices of its tet: relative to its heights, of which none is less
+/// than its volume over the square of its longest edge.
+pub(super) fn moved_by_snapping(image: &[Vec3; 4]) -> f64 {
+    8.0 * SNAP * image.iter().map(|p| p.norm()).fold(0.0, f64::max) * flatness(image)
 }
 
 /// The pieces of a tet that are above the floor.

@@ -129,15 +129,15 @@ impl Polygon {
         (!corners.is_empty()).then_some(Self { corners, is_sampled })
     }
 
-    /// Upper bound of K in all its directions.
-    pub fn bound(&self, map: &TetMap, cone: &Cone) -> f64 {
+    /// Upper bound of K in all its directions, of maps whose norms differ from this one's by the part `changed` of them at most.
+    pub fn bound(&self, map: &TetMap, cone: &Cone, changed: f64) -> f64 {
         let least = self.corners.iter().map(|c| c.direction.norm_squared()).fold(f64::INFINITY, f64::min);
         // A few units of the last place are covered by the factor.
         let spread = self.farthest().0 * (1.0 + 1e-12) / 3.0;
         let near = least * (1.0 - 1e-12) - spread;
         let bent = if near > 0.0 { spread / near } else { f64::INFINITY };
         // |M(y) - M(y')| <= |y n^T - y' n^T| + 2 |y - y'| / |y|, where n.y = 1 and |y| = 1 / cos gamma <= 1 + sigma.
-        let moved = 3.0 * ROUNDING * (1.0 + cone.sigma);
+        let moved = 3.0 * ROUNDING * (1.0 + cone.sigma) + changed * cone.sigma;
         map.largest(self.norms(), bent * (1.0 + 1e-12) + moved)
     }
 
