@@ -26,8 +26,9 @@ const LEAST_SLACK: (f64, f64) = (0.01, 0.001);
 /// The first weight as a share of that for which the first bound is stationary: with all of it the first centres lie so far
 /// above the maximum that few constraints are near them.
 const FIRST_WEIGHT: f64 = 0.1;
-/// Largest ln K that a step may lead to, as a multiple of the first bound.
+/// Largest ln K and bound that a step may lead to, as a multiple of the first bound, and the largest ln K as one of the bound then.
 const CEILING: f64 = 1.2;
+const BEYOND: f64 = 1.3;
 /// How much the mean may be expected to fall, relative: it sets the first weight where the bound is given.
 const FIRST_GAIN: f64 = 0.1;
 /// A constraint gets a multiplier where its slack is below the first share of the bound, and loses it above the second. At
@@ -330,8 +331,8 @@ impl Path {
         (best, weight)
     }
 
-    /// Takes the step, halved until no tet is flipped and no K above the ceiling; the share taken. What has no multiplier yet may be
-    /// beyond the bound then.
+    /// Takes the step, halved until no tet is flipped, neither a K nor the bound above the ceiling, and no K too far above the bound; the
+    /// share taken. What has no multiplier yet may be beyond the bound then.
     fn advance(
         &mut self,
         assembly: &Assembly<'_>,
@@ -344,9 +345,10 @@ impl Path {
         let mut tried = 0;
         let trial = loop {
             let image = assembly.moved(iterate.image(), &step.positions, length);
-            if assembly.turned_triangle(&image).is_none() {
+            let bound = self.problem.bound + length * step.bound;
+            if bound <= self.ceiling && assembly.turned_triangle(&image).is_none() {
                 let trial = assembly.at(image);
-                if trial.largest_log().is_some_and(|largest| 3.0 * largest <= self.ceiling) {
+                if trial.largest_log().is_some_and(|largest| 3.0 * largest <= self.ceiling.min(BEYOND * bound)) {
                     break trial;
                 }
             }
