@@ -66,7 +66,7 @@ while IFS='|' read -r name config keys coarser; do
         def up: . * 1e4 | ceil / 1e4 | tostring;
         # What rounding took off a number such as 2 is given back.
         def down: if . == null then "" else . * 1e4 + 1e-6 | floor / 1e4 | tostring end;
-        def range: if length == 0 then "" elif .[0] == .[-1] then (.[0] | digits(3)) else (.[0] | digits(3)) + " to " + (.[-1] | digits(3)) end;
+        def range: if length == 0 then "" elif (.[0] | digits(3)) == (.[-1] | digits(3)) then (.[0] | digits(3)) else (.[0] | digits(3)) + " to " + (.[-1] | digits(3)) end;
         .[0] as $radial | .[1] as $fixed | .[2] as $best
         | ([$best.bounds[] | select(.name == "wedge") | .value] | max) as $lower
         | [$name, ($lower | down), ($best.final.ball_k.certified | up), (if $lower then pow($lower; 1.5) else null end | digits(4)),

@@ -450,7 +450,8 @@ mod tests {
         ] {
             assert!(matches!(flag_mesh(&surface, Vec3::zeros(), &settings), Err(FlagError::Settings(_))));
         }
-        let large = FlagSettings { sectors: 1000, rings: 1000, layers: 1000, ..usual.clone() };
+        let even = FlagSettings { grading: 1.0, layer_grading: 1.0, ..usual.clone() };
+        let large = FlagSettings { sectors: 1000, rings: 1000, layers: 1000, ..even };
         assert!(matches!(flag_mesh(&surface, Vec3::zeros(), &large), Err(FlagError::TooLarge { flags: 48, .. })));
         let steep = FlagSettings { layers: 2000, layer_grading: 2.0, sectors: 1, rings: 1, ..usual };
         assert!(matches!(flag_mesh(&surface, Vec3::zeros(), &steep), Err(FlagError::Settings(_))));
