@@ -138,7 +138,7 @@ fn bad_input_is_told_in_a_paragraph_and_nothing_written() {
         ("bench negative.toml meshes", ["negative.toml:3", "greater than 0"]),
         ("bench bench.toml none", ["folder of meshes none", "No such file"]),
         ("bench bench.toml empty", ["no mesh in empty", "NAME-rest.mesh"]),
-        ("bench bench.toml meshes --only c", ["[\"c\"]", "there are a, b"]),
+        ("bench bench.toml meshes --only c", ["no mesh of meshes has c in", "there are a, b"]),
         ("bench bench.toml meshes --peers none.csv", ["none.csv", "No such file"]),
         ("bench bench.toml meshes --peers short.csv", ["short.csv:6", "3 columns"]),
         ("bench bench.toml meshes --peers word.csv", ["word.csv:2", "`max_k` is \"many\""]),
