@@ -42,7 +42,11 @@ fn settings_without_sense_are_refused_by_line_and_key() {
         ("kind = \"flag\"\nrings = 1001", "a.toml:5: `mesh.rings` is 1001"),
         ("kind = \"flag\"\nsubdivisions = 2", "a.toml:5: `subdivisions` is no key of the mesher flag"),
         ("sectors = 2", "`sectors` is no key of the mesher auto"),
-        ("kind = \"flag\"\nsectors = 1000\nrings = 1000\nlayers = 1000", "ask for fewer sectors, rings or layers"),
+        (
+            "kind = \"flag\"\nsectors = 1000\nrings = 1000\nlayers = 1000\ngrading = 1\nlayer_grading = 1",
+            "ask for fewer sectors, rings or layers",
+        ),
+        ("kind = \"flag\"\nrings = 1000", "a grading of 1.3 over 1000 rings"),
         ("kind = \"flag\"\n[map]\nkind = \"farthest\"", "cannot start from a shell or flag mesh"),
     ] {
         let (code, out, err) = run(folder.path(), &format!("{solid}{lines}\n"));
