@@ -43,6 +43,8 @@ pub struct Assembly<'d> {
     gradients: Vec<[Vec3; 4]>,
     cursors: Vec<usize>,
     gradient_scale: f64,
+    /// Whether triangles at their least opening are held there; else that is the caller's.
+    holds_openings: bool,
     /// For each vertex whether it is held since the last linearisation: at a triangle that may not open further and would.
     held: Vec<bool>,
 }
@@ -98,8 +100,14 @@ impl<'d> Assembly<'d> {
             gradients: Vec::new(),
             cursors: Vec::new(),
             gradient_scale: 0.0,
+            holds_openings: !unknowns.least_openings().is_empty(),
             held: vec![false; unknowns.vertices()],
         })
+    }
+
+    /// The same, which leaves it to the caller that no triangle opens beyond its least opening.
+    pub fn leaving_openings(self) -> Self {
+        Self { holds_openings: false, ..self }
     }
 
     /// How the vertices may move.
@@ -130,7 +138,9 @@ impl<'d> Assembly<'d> {
             let to = *position + Vec3::new(d[0], d[1], d[2]) * step;
             *position = self.unknowns.retract(vertex as usize, position, to);
         }
-        self.close(image, &mut moved);
+        if self.holds_openings {
+            self.close(image, &mut moved);
+        }
         moved
     }
 
@@ -183,6 +193,12 @@ impl<'d> Assembly<'d> {
         held
     }
 
+    /// How far the triangles that are watched have opened beyond their least openings, the farthest of them; at most 0 if none has.
+    pub fn opened_too_far(&self, image: &[Vec3]) -> f64 {
+        let beyond = |(triangle, least): (&[VertexId; 3], f64)| least - opening(triangle.map(|v| &image[v.index()]));
+        self.watched().map(beyond).fold(f64::NEG_INFINITY, f64::max)
+    }
+
     /// A triangle of the boundary that does not face away from the origin, by exact predicate; none is looked for where no
     /// vertex slides.
     pub fn turned_triangle(&self, image: &[Vec3]) -> Option<[VertexId; 3]> {
@@ -227,6 +243,8 @@ impl<'d> Assembly<'d> {
         self.cursors.clear();
         self.cursors.extend_from_slice(&self.blocks.starts[..self.blocks.starts.len() - 1]);
         self.system.values_mut().fill(0.0);
+        let image = iterate.image();
+        let corners_of = |tet: usize| domain.mesh().tets()[tet].each_ref().map(|v| &image[v.index()]);
         for first in (0..tets).step_by(BATCH) {
             let batch = first..tets.min(first + BATCH);
             let elements = &mut self.elements[..batch.len()];
@@ -241,6 +259,9 @@ impl<'d> Assembly<'d> {
                     let Some(spectrum) = energy.spectrum(tet, decomposition.values, negative) else { return false };
                     let afterwards = domain.afterwards(TetId(tet as u32));
                     element.fill_before(decomposition, &spectrum, &inverse_edges[tet], afterwards);
+                    for opening in energy.openings(tet) {
+                        element.add_opening(opening, corners_of(tet));
+                    }
                     *gradient = element.gradient;
                     true
                 })
@@ -253,8 +274,7 @@ impl<'d> Assembly<'d> {
         let gradients = &self.gradients;
         let whole = self.gather(|corner| gradients[corner / 4][corner % 4]);
         self.gradient_scale = self.sum_over_corners(|corner| gradients[corner / 4][corner % 4].norm());
-        let image = iterate.image();
-        if !self.unknowns.least_openings().is_empty() {
+        if self.holds_openings {
             self.held = self.at_least_opening(image, &whole);
         }
         self.project_blocks(image, &whole);

@@ -4,6 +4,7 @@
 //! (Smith, de Goes, Kim 2019, "Analytic eigensystems for isotropic distortion energies", ACM TOG 38(1)): one 3x3 block
 //! for the scalings and, for each pair of axes, one "twist" and one "flip" mode.
 
+use super::{NearActive, NearOpening, OpeningDerivatives};
 use crate::domain::{Afterwards, Turning};
 use crate::linalg::Svd;
 use crate::mesh::{Mat3, Vec3};
@@ -121,6 +122,23 @@ impl ElementDerivatives {
 }
 
 impl ElementDerivatives {
+    /// Adds the terms of a triangle of the tet on the boundary, whose vertices are at `image`: the gradient of multiplier * (least - opening), and
+    /// to its Hessian what the condensed system has of the constraint.
+    pub(super) fn add_opening(&mut self, opening: &NearOpening, image: [&Vec3; 4]) {
+        let derivatives = OpeningDerivatives::of(opening.corners.map(|corner| image[corner]));
+        let NearActive { slack, multiplier } = opening.constraint;
+        for (i, &corner) in opening.corners.iter().enumerate() {
+            self.gradient[corner] -= derivatives.gradient[i] * multiplier;
+        }
+        for (block, (p, q)) in self.hessian.iter_mut().zip(Self::PAIRS) {
+            let place = |corner: usize| opening.corners.iter().position(|&of_triangle| of_triangle == corner);
+            if let (Some(i), Some(j)) = (place(p), place(q)) {
+                let outer = derivatives.gradient[i] * derivatives.gradient[j].transpose();
+                *block += outer * (multiplier / slack) - derivatives.hessian[i][j] * multiplier;
+            }
+        }
+    }
+
     /// The same where something follows the Jacobian: `decomposition` is that of the whole.
     pub(super) fn fill_before(
         &mut self,

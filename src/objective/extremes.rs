@@ -22,7 +22,6 @@ pub fn log_dilatations(domain: &Domain, tet: TetId, image: &[Vec3]) -> Option<[T
     of_decomposition(&svd(&domain.jacobian(tet, image)), domain, tet)
 }
 
-/// The same from the decomposition of the tet's Jacobian.
 /// The same of a Jacobian with this decomposition, each with its derivative with respect to the Jacobian's entries.
 pub fn of_jacobian(decomposition: &Svd) -> Option<[(f64, Mat3); 2]> {
     let s = decomposition.values;
@@ -34,6 +33,7 @@ pub fn of_jacobian(decomposition: &Svd) -> Option<[(f64, Mat3); 2]> {
     }))
 }
 
+/// [`log_dilatations`] from the decomposition of the tet's Jacobian.
 pub(super) fn of_decomposition(decomposition: &Svd, domain: &Domain, tet: TetId) -> Option<[TetFunction; 2]> {
     let of_jacobian = of_jacobian(decomposition)?;
     Some(of_jacobian.map(|(value, derivative)| {

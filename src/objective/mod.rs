@@ -25,8 +25,8 @@ pub use capped_mean::CappedMean;
 pub use element::{ElementDerivatives, Spectrum, centred_logs};
 pub use extremes::{TetFunction, log_dilatations, of_jacobian};
 pub use iterate::Iterate;
-pub use opening::opening;
-pub use primal_dual::{NearActive, PrimalDual};
+pub use opening::{OpeningDerivatives, opening};
+pub use primal_dual::{NearActive, NearOpening, PrimalDual};
 pub use soft_max::SoftMax;
 pub use unknowns::{Freedom, Unknowns};
 pub use untangling::Untangling;
@@ -37,6 +37,10 @@ pub trait TetEnergy: Sync {
     fn value(&self, tet: usize, s: [f64; 3]) -> f64;
     /// Its derivatives, negative curvature multiplied by `negative` in [0, 1]; `None` where it is infinite.
     fn spectrum(&self, tet: usize, s: [f64; 3], negative: f64) -> Option<Spectrum>;
+    /// What is added to it for triangles of the tet on the boundary.
+    fn openings(&self, _tet: usize) -> &[NearOpening] {
+        &[]
+    }
 }
 
 /// An even, convex function h of one centred log singular value, and its first two derivatives.

@@ -15,6 +15,7 @@ use super::{Barrier, LogEnergy, TetEnergy, centred_logs};
 ///   + mean_weight * sum over all l_i of  2 cosh(3 l_i)
 /// ```
 ///
+/// and `multiplier * (least - opening)` for triangles of the boundary that come near their least [opening](super::opening()).
 /// Its second derivatives, though, are those of the condensed Newton system: the Lagrangian's Hessian plus
 /// (multiplier / slack) times the outer products of the constraints' gradients.
 #[derive(Clone, Debug)]
@@ -27,6 +28,21 @@ pub struct PrimalDual {
     pub mean_weight: f64,
     /// For each tet its near-active constraints, of K_O and of K_I.
     pub near_active: Vec<[Option<NearActive>; 2]>,
+    /// Triangles of the boundary that are near their least opening, by their tets, ascending.
+    pub openings: Vec<NearOpening>,
+}
+
+/// A triangle of the boundary that is near its least opening.
+#[derive(Clone, Copy, Debug)]
+pub struct NearOpening {
+    /// Its place in the list of the boundary's triangles.
+    pub triangle: usize,
+    /// A tet that has it as a face.
+    pub tet: usize,
+    /// Which of the tet's vertices its corners are.
+    pub corners: [usize; 3],
+    /// Its slack stands for opening - least.
+    pub constraint: NearActive,
 }
 
 /// What a near-active constraint carries.
@@ -121,5 +137,11 @@ impl TetEnergy for PrimalDual {
         let far = self.mean_weight == 0.0 && self.near_active[tet].iter().all(Option::is_none);
         let finite = derivatives.iter().all(|d| d.0.is_finite() && d.1.is_finite());
         finite.then(|| Spectrum::of_logs(s, derivatives, if far { 0.0 } else { negative }))
+    }
+
+    fn openings(&self, tet: usize) -> &[NearOpening] {
+        let first = self.openings.partition_point(|opening| opening.tet < tet);
+        let count = self.openings[first..].partition_point(|opening| opening.tet == tet);
+        &self.openings[first..first + count]
     }
 }

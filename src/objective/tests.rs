@@ -91,7 +91,7 @@ fn lagrangian(domain: &Domain, image: &[Vec3], slack: f64, mean_weight: f64) -> 
         })
         .collect();
     assert!(near_active.iter().flatten().flatten().count() > 2);
-    PrimalDual { bound, rest_weight: 0.03, mean_weight, near_active }
+    PrimalDual { bound, rest_weight: 0.03, mean_weight, near_active, openings: Vec::new() }
 }
 
 #[test]

@@ -6,7 +6,7 @@ use super::region::{Region, changeable};
 use super::{KktResidual, OPTIMAL, OptimizeSettings};
 use crate::linalg::{Method, SparseError};
 use crate::mesh::{TetId, Vec3};
-use crate::objective::{Assembly, log_dilatations};
+use crate::objective::{Assembly, OpeningDerivatives, log_dilatations};
 
 /// Share of the largest ln K above which a tet belongs to the region, from round to round, with the rings of tets about it.
 const ROUNDS: [(f64, usize); 5] = [(0.8, 2), (0.7, 3), (0.6, 4), (0.5, 5), (0.0, 0)];
@@ -37,7 +37,7 @@ pub(super) fn minimax(
         if free > most {
             return Ok(Ending::TooWide);
         }
-        let mut assembly = Assembly::new(whole.domain(), whole.unknowns(), Method::Direct)?;
+        let mut assembly = Assembly::new(whole.domain(), whole.unknowns(), Method::Direct)?.leaving_openings();
         let mut iterate = assembly.at(image.to_vec());
         let rim = vec![false; whole.domain().mesh().tets().len()];
         let settled = interior_point_phase(&mut assembly, &mut iterate, Goal::Bound, tolerance, &rim, recorder);
@@ -138,10 +138,22 @@ fn over_all(
         sum += multiplier;
         complementarity += multiplier * (bound - function.value).abs();
     }
+    let mut opened: f64 = 0.0;
+    for &(triangle, multiplier) in &settled.openings {
+        let triangle_of = domain.boundary().triangles()[triangle];
+        let derivatives = OpeningDerivatives::of(triangle_of.each_ref().map(|v| &image[v.index()]));
+        for (g, v) in derivatives.gradient.iter().zip(triangle_of) {
+            gradient[v.index()] -= g * multiplier;
+            scale += multiplier * g.norm();
+        }
+        let beyond = whole.unknowns().least_openings()[triangle] - derivatives.value;
+        opened = opened.max(beyond);
+        complementarity += multiplier * beyond.abs();
+    }
     let largest = changeable(whole, image)?.into_iter().fold(0.0, f64::max);
     let unknowns = whole.unknowns();
     let tangent = |(v, g): (usize, &Vec3)| unknowns.tangent(v, &image[v], *g).norm_squared();
     let norm = gradient.iter().enumerate().map(tangent).sum::<f64>().sqrt();
     let dual = (norm / scale).max(f64::abs(1.0 - sum));
-    Some(KktResidual { primal: (largest - bound).max(0.0), dual, complementarity })
+    Some(KktResidual { primal: (largest - bound).max(opened), dual, complementarity })
 }

@@ -1,7 +1,7 @@
 //! After the bottleneck: lower the mean under a cap on the largest K.
 
 use super::damping::NegativeShare;
-use super::interior_point::{Goal, VIOLATION, interior_point_phase};
+use super::interior_point::{Goal, OPENED, VIOLATION, interior_point_phase};
 use super::line_search::{ARMIJO, dot, line_search};
 use super::newton::LARGE;
 use super::recorder::PhaseEnd;
@@ -55,7 +55,7 @@ pub(super) fn lower_mean(
     let end = if assembly.free().len() > MOST_DIRECT {
         barrier(assembly, &mut iterate, cap.ln(), tolerance, recorder)
     } else {
-        let mut direct = Assembly::new(assembly.domain(), assembly.unknowns(), Method::Direct)?;
+        let mut direct = Assembly::new(assembly.domain(), assembly.unknowns(), Method::Direct)?.leaving_openings();
         let rim = vec![false; assembly.domain().mesh().tets().len()];
         let goal = Goal::Mean(cap.ln() - VIOLATION);
         interior_point_phase(&mut direct, &mut iterate, goal, TOLERANCE.max(tolerance), &rim, recorder).end
@@ -70,7 +70,8 @@ pub(super) fn lower_mean(
         let trial = assembly.at(between.collect());
         let dilatations = || trial.decompositions().iter().map(|tet| Dilatation::of_singular_values(tet.values).k());
         let mean = dilatations().sum::<f64>() / trial.decompositions().len() as f64;
-        let turned = assembly.turned_triangle(trial.image()).is_some();
+        let turned =
+            assembly.turned_triangle(trial.image()).is_some() || assembly.opened_too_far(trial.image()) > OPENED;
         if dilatations().all(|k| k <= cap) && mean <= mean_before && !turned {
             recorder.record("mean", mean.ln(), share, &trial);
             return Ok((end, trial.into_image()));

@@ -126,6 +126,8 @@ pub(super) struct Recorder<'a> {
     pub(super) multipliers: Vec<(TetId, f64)>,
     /// See [`TraceRow::progress`]; set by the phases.
     pub(super) progress: f64,
+    /// Whether the next iterate may be the result; not where it violates a constraint that K does not show. Set by the phases.
+    pub(super) admits: bool,
 }
 
 impl<'a> Recorder<'a> {
@@ -148,6 +150,7 @@ impl<'a> Recorder<'a> {
             candidates: Candidates::new(settings),
             multipliers: Vec::new(),
             progress: 0.0,
+            admits: true,
         };
         recorder.record("start", f64::INFINITY, 0.0, start);
         recorder
@@ -211,13 +214,13 @@ impl<'a> Recorder<'a> {
         self.take(iterate);
         let mean_k = self.dilatations.iter().sum::<f64>() / self.dilatations.len() as f64;
         let max_k = self.dilatations.iter().copied().fold(1.0, f64::max);
-        if max_k < self.best_k {
+        if self.admits && max_k < self.best_k {
             self.best_k = max_k;
             self.mean_of_best = mean_k;
             self.best.clear();
             self.best.extend_from_slice(&self.image);
         }
-        if let Some(candidates) = &mut self.candidates {
+        if let Some(candidates) = self.candidates.as_mut().filter(|_| self.admits) {
             candidates.offer(max_k, mean_k, &self.image, self.best_k);
         }
         // Rows of a phase share its name: a small piece of memory kept an iteration, amid the large ones of each, leaves the allocator

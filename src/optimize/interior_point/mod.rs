@@ -1,5 +1,6 @@
 //! The end of the minimax continuation: a primal-dual interior-point method for min t subject to g <= t, g = ln K_O and
-//! g = ln K_I of every tet; or the least mean dilatation for a given t.
+//! g = ln K_I of every tet; or the least mean dilatation for a given t. Where vertices slide on a sphere, further constraints keep the triangles
+//! of the boundary at their least openings.
 //!
 //! Constraints near the bound have a slack s > 0 and a multiplier each; all others have a logarithmic barrier. Each
 //! factorisation serves a predictor, a corrector (Mehrotra 1992, doi 10.1137/0802028) and a few corrections of single
@@ -13,9 +14,11 @@ use super::damping::{Damping, rounding};
 use super::line_search::{HALVINGS, dot};
 use super::recorder::PhaseEnd;
 use super::{KktResidual, Progress, Recorder};
-use crate::mesh::Vec3;
-use crate::objective::{Assembly, Barrier, Iterate, NearActive, PrimalDual};
-use system::{Row, Step, System, Target};
+use crate::mesh::{Vec3, VertexId};
+use crate::objective::{
+    Assembly, Barrier, Iterate, NearActive, NearOpening, OpeningDerivatives, PrimalDual, TetFunction, opening,
+};
+use system::{Constraint, Row, Step, System, Target};
 
 /// Distance of the first bound above the present ln max K: in ln K, and as a share of it where that is less. Where thousands of tets
 /// come near the maximum together, a first centre from which they are seen saves half the steps.
@@ -34,6 +37,11 @@ const FIRST_GAIN: f64 = 0.1;
 /// A constraint gets a multiplier where its slack is below the first share of the bound, and loses it above the second. At
 /// larger shares its singular value could still become a double one, see [`PrimalDual`].
 const NEAR: (f64, f64) = (0.2, 0.3);
+/// The same of a triangle's opening beyond its least one, and its least slack.
+const NEAR_OPENING: (f64, f64) = (0.1, 0.2);
+const LEAST_SLACK_OF_OPENING: f64 = 0.01;
+/// How far triangles may have opened beyond their least openings in what is kept: the reach of the tolerance.
+pub(super) const OPENED: f64 = 1e-6;
 /// Least share of the products s * multiplier that a step aims at.
 const LEAST_CENTRING: f64 = 0.05;
 /// Share of the tolerance that the products and the barrier on the rest may take up together.
@@ -85,6 +93,8 @@ pub(super) struct Settled {
     pub bound: Option<f64>,
     /// Multipliers of near-active constraints: the tet, its side (0 for K_O, 1 for K_I), the multiplier.
     pub multipliers: Vec<(usize, usize, f64)>,
+    /// Those of triangles near their least opening, by their place in the boundary.
+    pub openings: Vec<(usize, f64)>,
 }
 
 /// Minimises ln max K, or the mean, from `iterate` until the Karush-Kuhn-Tucker conditions hold to within `tolerance`, or until it is clear
@@ -98,14 +108,35 @@ pub(super) fn interior_point_phase(
     recorder: &mut Recorder<'_>,
 ) -> Settled {
     let Some(mut path) = Path::first(assembly, iterate, goal, tolerance) else {
-        return Settled { end: PhaseEnd::NoProgress, bound: None, multipliers: Vec::new() };
+        return Settled { end: PhaseEnd::NoProgress, bound: None, multipliers: Vec::new(), openings: Vec::new() };
     };
     let end = path.follow(assembly, iterate, rim, recorder);
+    recorder.admits = true;
     let sides = |(tet, pair): (usize, &[Option<NearActive>; 2])| {
         [0, 1].map(|side| pair[side].map(|constraint| (tet, side, constraint.multiplier)))
     };
     let multipliers = path.problem.near_active.iter().enumerate().flat_map(sides).flatten().collect();
-    Settled { end, bound: Some(path.problem.bound), multipliers }
+    let openings = path.problem.openings.iter().map(|near| (near.triangle, near.constraint.multiplier)).collect();
+    Settled { end, bound: Some(path.problem.bound), multipliers, openings }
+}
+
+/// The triangles of the boundary with a least opening.
+fn watched(assembly: &Assembly<'_>) -> Vec<NearOpening> {
+    let boundary = assembly.domain().boundary();
+    let none = NearActive { slack: f64::INFINITY, multiplier: 0.0 };
+    let least_openings = assembly.unknowns().least_openings().iter();
+    let mut watched: Vec<NearOpening> = least_openings
+        .zip(boundary.triangles().iter().zip(boundary.owners()))
+        .enumerate()
+        .map(|(triangle, (_, (corners, owner)))| {
+            let tet = assembly.domain().mesh().tets()[owner.index()];
+            let place = |corner: &VertexId| tet.iter().position(|v| v == corner).expect("a face of its tet");
+            let corners = corners.each_ref().map(place);
+            NearOpening { triangle, tet: owner.index(), corners, constraint: none }
+        })
+        .collect();
+    watched.sort_by_key(|near| near.tet);
+    watched
 }
 
 /// The present multipliers and slacks, and where they are to go.
@@ -115,6 +146,8 @@ struct Path {
     tolerance: f64,
     /// Largest ln K that a step may lead to.
     ceiling: f64,
+    /// The triangles of the boundary with a least opening, by their tets, ascending, without slack and multiplier.
+    watched: Vec<NearOpening>,
 }
 
 impl Path {
@@ -134,12 +167,12 @@ impl Path {
             }
         };
         let near_active = vec![[None; 2]; tets];
-        let problem = PrimalDual { bound, rest_weight, mean_weight, near_active };
-        let mut path = Self { goal, problem, tolerance, ceiling: CEILING * bound };
+        let problem = PrimalDual { bound, rest_weight, mean_weight, near_active, openings: Vec::new() };
+        let mut path = Self { goal, problem, tolerance, ceiling: CEILING * bound, watched: watched(assembly) };
         // Where the bound is free, multipliers that add up to 1 with those of the rest: with a tenth of that the first step
         // leads far away where few tets hold it back.
         let weight = if goal == Goal::Bound { rest_weight / FIRST_WEIGHT } else { rest_weight };
-        path.select(iterate, weight);
+        path.select(assembly, iterate, weight);
         Some(path)
     }
 
@@ -158,7 +191,7 @@ impl Path {
         let first_weight = self.problem.rest_weight;
         let mut length: f64 = 1.0;
         for _ in 0..MOST_STEPS {
-            self.select(iterate, self.problem.rest_weight);
+            self.select(assembly, iterate, self.problem.rest_weight);
             let Some(rows) = self.rows(assembly, iterate) else { return PhaseEnd::NoProgress };
             let Some((system, residual)) = self.system(assembly, iterate, &rows, &mut damping) else {
                 return PhaseEnd::NoProgress;
@@ -192,6 +225,7 @@ impl Path {
             };
             length = taken;
             short = if length < SHORT.1 { short + 1 } else { 0 };
+            recorder.admits = assembly.opened_too_far(iterate.image()) <= OPENED;
             if recorder.record(phase, self.problem.bound, length, iterate) == Progress::Stop {
                 return PhaseEnd::Interrupted;
             }
@@ -201,7 +235,8 @@ impl Path {
     }
 
     /// Gives multipliers to the constraints that have come near the bound, and takes them from those that have left.
-    fn select(&mut self, iterate: &Iterate, weight: f64) {
+    fn select(&mut self, assembly: &Assembly<'_>, iterate: &Iterate, weight: f64) {
+        self.select_openings(assembly, iterate.image(), weight);
         let problem = &mut self.problem;
         let least = match self.goal {
             Goal::Bound => LEAST_SLACK.0 * problem.bound,
@@ -222,8 +257,38 @@ impl Path {
         }
     }
 
+    fn select_openings(&mut self, assembly: &Assembly<'_>, image: &[Vec3], weight: f64) {
+        let triangles = assembly.domain().boundary().triangles();
+        let least_openings = assembly.unknowns().least_openings();
+        let mut before = std::mem::take(&mut self.problem.openings).into_iter().peekable();
+        for watched in &self.watched {
+            let kept = before.next_if(|near| near.triangle == watched.triangle);
+            let least = least_openings[watched.triangle];
+            let slack = opening(triangles[watched.triangle].each_ref().map(|v| &image[v.index()])) - least;
+            if kept.is_some() && slack <= NEAR_OPENING.1 {
+                self.problem.openings.extend(kept);
+            } else if slack < NEAR_OPENING.0 {
+                let slack = slack.max(LEAST_SLACK_OF_OPENING);
+                let constraint = NearActive { slack, multiplier: weight / slack };
+                self.problem.openings.push(NearOpening { constraint, ..*watched });
+            }
+        }
+    }
+
     fn rows(&self, assembly: &Assembly<'_>, iterate: &Iterate) -> Option<Vec<Row>> {
         let mut rows = Vec::new();
+        for (place, near) in self.problem.openings.iter().enumerate() {
+            let tet = assembly.domain().mesh().tets()[near.tet];
+            let derivatives = OpeningDerivatives::of(near.corners.map(|corner| &iterate.image()[tet[corner].index()]));
+            let mut gradient = [Vec3::zeros(); 4];
+            for (corner, g) in near.corners.into_iter().zip(derivatives.gradient) {
+                gradient[corner] = -g;
+            }
+            let least = assembly.unknowns().least_openings()[near.triangle];
+            let NearActive { slack, multiplier } = near.constraint;
+            let of = Constraint::Opening { place };
+            rows.push(Row { tet: near.tet, of, value: -derivatives.value, limit: -least, gradient, slack, multiplier });
+        }
         for (tet, pair) in self.problem.near_active.iter().enumerate() {
             if pair.iter().all(Option::is_none) {
                 continue;
@@ -232,7 +297,9 @@ impl Path {
                 pair.iter().zip(iterate.functions(assembly.domain(), tet)?).enumerate()
             {
                 if let Some(NearActive { slack, multiplier }) = *constraint {
-                    rows.push(Row { tet, side, value: function.value, gradient: function.gradient, slack, multiplier });
+                    let (of, limit) = (Constraint::Dilatation { side }, self.problem.bound);
+                    let TetFunction { value, gradient } = function;
+                    rows.push(Row { tet, of, value, limit, gradient, slack, multiplier });
                 }
             }
         }
@@ -249,7 +316,7 @@ impl Path {
         damping: &mut Damping,
     ) -> Option<(System, KktResidual)> {
         let problem = &self.problem;
-        let distance = |row: &Row| problem.bound - row.value;
+        let distance = |row: &Row| row.limit - row.value;
         let near: f64 = rows.iter().map(|row| row.multiplier * distance(row).abs()).sum();
         let mut residual = KktResidual {
             primal: rows.iter().map(|row| -distance(row)).fold(0.0, f64::max),
@@ -363,12 +430,26 @@ impl Path {
         problem.rest_weight = weight;
         let logs: Vec<_> = trial.logs().collect();
         for (k, row) in rows.iter().enumerate() {
-            let (axis, factor) = PrimalDual::SIDES[row.side];
-            let distance = problem.bound - factor * logs[row.tet]?[axis];
+            let distance = match row.of {
+                Constraint::Dilatation { side } => {
+                    let (axis, factor) = PrimalDual::SIDES[side];
+                    problem.bound - factor * logs[row.tet]?[axis]
+                }
+                Constraint::Opening { place } => {
+                    let near = &problem.openings[place];
+                    let tet = assembly.domain().mesh().tets()[near.tet];
+                    row.limit + opening(near.corners.map(|corner| &trial.image()[tet[corner].index()]))
+                }
+            };
             let slack = (row.slack + length * step.slacks[k]).max(distance);
             let multiplier = row.multiplier + step.dual * step.multipliers[k];
             let multiplier = multiplier.clamp(weight / PRODUCTS / slack, weight * PRODUCTS / slack);
-            problem.near_active[row.tet][row.side] = Some(NearActive { slack, multiplier });
+            match row.of {
+                Constraint::Dilatation { side } => {
+                    problem.near_active[row.tet][side] = Some(NearActive { slack, multiplier });
+                }
+                Constraint::Opening { place } => problem.openings[place].constraint = NearActive { slack, multiplier },
+            }
         }
         *iterate = trial;
         Some(length)

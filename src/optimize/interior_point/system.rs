@@ -4,14 +4,24 @@ use super::super::line_search::dot;
 use crate::mesh::Vec3;
 use crate::objective::{Assembly, Iterate, PrimalDual};
 
+/// What must stay below its limit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Constraint {
+    /// ln K_O (side 0) or ln K_I (side 1), below the bound.
+    Dilatation { side: usize },
+    /// -opening of a triangle of the tet, which has this place in the list of near ones.
+    Opening { place: usize },
+}
+
 /// A near-active constraint at the present positions.
 pub(super) struct Row {
     pub tet: usize,
-    /// 0 for K_O, 1 for K_I.
-    pub side: usize,
-    /// g, and its derivatives with respect to the tet's vertices.
+    pub of: Constraint,
+    /// The value, and its derivatives with respect to the tet's vertices.
     pub value: f64,
     pub gradient: [Vec3; 4],
+    /// What the value must stay below.
+    pub limit: f64,
     pub slack: f64,
     pub multiplier: f64,
 }
@@ -19,6 +29,11 @@ pub(super) struct Row {
 impl Row {
     pub(super) fn product(&self) -> f64 {
         self.slack * self.multiplier
+    }
+
+    /// Whether its limit is the bound.
+    fn follows_bound(&self) -> bool {
+        matches!(self.of, Constraint::Dilatation { .. })
     }
 
     /// The weight of the constraint's gradient in the condensed system.
@@ -53,11 +68,12 @@ impl Border {
     fn new(assembly: &mut Assembly<'_>, iterate: &Iterate, problem: &PrimalDual, rows: &[Row]) -> Option<Self> {
         let column = assembly.gradient_of_logs(iterate, |tet, logs| problem.mixed_slopes(tet, logs))?;
         let [rest, second] = assembly.sum_of_logs(iterate, |tet, logs| problem.rest_bound_derivatives(tet, logs))?;
-        let diagonal = problem.rest_weight * second + rows.iter().map(Row::stiffness).sum::<f64>();
+        let bounded = || rows.iter().filter(|row| row.follows_bound());
+        let diagonal = problem.rest_weight * second + bounded().map(Row::stiffness).sum::<f64>();
         let mut solved_column = column.clone();
         assembly.system().solve(&mut solved_column);
         let schur = diagonal - dot(&column, &solved_column);
-        let lagrangian = 1.0 - rows.iter().map(|row| row.multiplier).sum::<f64>();
+        let lagrangian = 1.0 - bounded().map(|row| row.multiplier).sum::<f64>();
         (schur > 0.0).then_some(Self { column, solved_column, schur, lagrangian, rest })
     }
 
@@ -132,7 +148,7 @@ impl System {
     ) -> Step {
         let tets = assembly.domain().mesh().tets();
         let vertices = assembly.domain().mesh().points().len();
-        let residual = |row: &Row| row.value + row.slack - problem.bound;
+        let residual = |row: &Row| row.value + row.slack - row.limit;
         let mut forces = vec![Vec3::zeros(); vertices];
         let mut pull = 0.0;
         for (row, change) in rows.iter().zip(&target.changes) {
@@ -140,7 +156,7 @@ impl System {
             for (g, v) in row.gradient.iter().zip(tets[row.tet]) {
                 forces[v.index()] += g * force;
             }
-            pull += force;
+            pull += if row.follows_bound() { force } else { 0.0 };
         }
         let more_rest = target.rest_weight - problem.rest_weight;
         let mut solved: Vec<f64> =
@@ -168,7 +184,8 @@ impl System {
         for (row, change) in rows.iter().zip(&target.changes) {
             let of_value: f64 =
                 row.gradient.iter().zip(tets[row.tet]).map(|(g, v)| g.dot(&displacement[v.index()])).sum();
-            let slack = bound - of_value - residual(row);
+            let of_limit = if row.follows_bound() { bound } else { 0.0 };
+            let slack = of_limit - of_value - residual(row);
             slacks.push(slack);
             multipliers.push((change - row.multiplier * slack) / row.slack);
         }
