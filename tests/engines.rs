@@ -3,8 +3,10 @@
 use std::time::{Duration, Instant};
 
 use qcball::map::{RadialCoordinates, caraman};
+use qcball::mesh::{PolygonSoup, VertexId};
+use qcball::objective::opening;
 use qcball::optimize::{BoundaryValues, Effort, Engine, Objective, OptimizeSettings, Outcome, Polish, StopReason};
-use qcball::solid::{ShellSettings, Solid, shell_mesh};
+use qcball::solid::{ShellSettings, Solid, Surface, shell_mesh};
 use qcball::{Domain, Vec3, measure, optimize};
 
 struct Problem {
@@ -15,9 +17,12 @@ struct Problem {
 
 impl Problem {
     fn new(name: &'static str, solid: Solid, offset: Vec3, subdivisions: u32, layers: u32) -> Self {
-        let surface = solid.surface().unwrap();
+        Self::of_surface(name, &solid.surface().unwrap(), offset, subdivisions, layers)
+    }
+
+    fn of_surface(name: &'static str, surface: &Surface, offset: Vec3, subdivisions: u32, layers: u32) -> Self {
         let settings = ShellSettings { subdivisions, refinement: None, layers, grading: 1.0 };
-        let shell = shell_mesh(&surface, surface.centroid() + offset, &settings).unwrap();
+        let shell = shell_mesh(surface, surface.centroid() + offset, &settings).unwrap();
         let start = caraman(&RadialCoordinates::of_shell(&shell), 1.0);
         Self { name, domain: Domain::new(shell.mesh).unwrap(), start }
     }
@@ -267,4 +272,43 @@ fn sliding_boundaries_stay_on_the_sphere_and_reach_less() {
         }
     }
     assert!(lower > 0);
+}
+
+/// An octahedron with its corners pulled about, whose few large triangles come to their least openings as they slide.
+fn irregular(seed: u64) -> Problem {
+    let pulled = |corner: u64, axis: u64| ((7 * corner + 3 * axis + 5 * seed) % 11) as f64 / 11.0 - 0.45;
+    let points = (0..6).map(|corner| {
+        let mut point = Vec3::from_fn(|axis, _| 0.7 * pulled(corner, axis as u64));
+        point[corner as usize / 2] += [-1.4, 1.4][corner as usize % 2];
+        point
+    });
+    let octants = (0..8u32).map(|octant| {
+        let [x, y, z] = [octant & 1, 2 + (octant >> 1 & 1), 4 + (octant >> 2)];
+        // An odd number of negative axes turns the face over.
+        let corners = if octant.count_ones() % 2 == 1 { [x, y, z] } else { [x, z, y] };
+        corners.map(VertexId).to_vec()
+    });
+    let surface = Surface::from_soup(PolygonSoup::new(points.collect(), octants.collect())).unwrap();
+    Problem::of_surface("irregular octahedron", &surface, Vec3::zeros(), 1, 3)
+}
+
+#[test]
+fn sliding_triangles_at_their_least_opening_leave_a_stationary_map() {
+    let mut at_least = 0;
+    for seed in 0..4 {
+        let problem = irregular(seed);
+        let settings = OptimizeSettings { boundary_values: BoundaryValues::Sliding, ..OptimizeSettings::default() };
+        let mask = problem.domain.boundary().vertex_mask();
+        let outcome = optimize(&problem.domain, &problem.start, mask, &settings, &mut |_| {}).unwrap();
+        assert_eq!(outcome.stop, StopReason::Optimal, "seed {seed}: {:?}", outcome.kkt);
+        for triangle in problem.domain.boundary().triangles() {
+            let of = |image: &[Vec3]| opening(triangle.map(|v| &image[v.index()]));
+            // No wider than 45 degrees about the normal, or than it was, to the tolerance.
+            let least = of(&problem.start).min(std::f64::consts::FRAC_1_SQRT_2);
+            let reached = of(&outcome.positions) - least;
+            assert!(reached >= -2e-6, "seed {seed}, {triangle:?}: {reached:e}");
+            at_least += usize::from(reached < 1e-4);
+        }
+    }
+    assert!(at_least > 0);
 }
