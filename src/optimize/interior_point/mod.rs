@@ -57,7 +57,7 @@ const PRODUCTS: f64 = 1e4;
 const REACHED: f64 = 0.7;
 /// Largest violation of a given bound, in ln K.
 pub(super) const VIOLATION: f64 = 1e-5;
-/// Most Newton steps; 8 to 29 are usual, 44 the most seen where no vertex slides, and 400 too few for tetra-10k where they do.
+/// Most Newton steps; 8 to 35 are usual, 44 the most seen where no vertex slides, 71 (tetra-10k) where they do.
 const MOST_STEPS: usize = 400;
 /// Steps in a row below the second entry that end it.
 const SHORT: (usize, f64) = (6, 1e-3);
@@ -68,6 +68,8 @@ const IDLE: (usize, f64) = (5, 0.3);
 /// After a step shorter than the first entry the weight may rise, up to the second one times what it was, and times the first one:
 /// where ever more constraints come near, it has fallen too soon, and the steps to its centre are a hundredth of their length.
 const RISE: (f64, f64) = (0.3, 3.0);
+/// Length of a step after which the weight may fall in any case.
+const LONG: f64 = 0.9;
 /// Complementarity from which it is clear whether the multipliers stay away from the rim, and the share of them from where
 /// a larger region is needed.
 const RIM: (f64, f64) = (1e-3, 1e-2);
@@ -218,7 +220,8 @@ impl Path {
                 false if idle >= IDLE.0 && !slides => IDLE.1 * self.problem.rest_weight,
                 false => self.problem.rest_weight,
             };
-            let (step, weight) = self.step(assembly, iterate.image(), &system, &rows, most);
+            let most_promised = if length < LONG { first_weight } else { 0.0 };
+            let (step, weight) = self.step(assembly, iterate.image(), &system, &rows, most, most_promised);
             idle = if weight < 0.9 * self.problem.rest_weight { 0 } else { idle + 1 };
             let Some(taken) = self.advance(assembly, iterate, &rows, &step, weight) else {
                 return PhaseEnd::NoProgress;
@@ -347,7 +350,7 @@ impl Path {
         6.0 * self.problem.near_active.len() as f64
     }
 
-    /// The step to the next weight, at most `most`, and that weight.
+    /// The step to the next weight, and that weight, at most `most`; where the predictor promises more than the products, it may be up to `most_promised`.
     fn step(
         &self,
         assembly: &mut Assembly<'_>,
@@ -355,6 +358,7 @@ impl Path {
         system: &System,
         rows: &[Row],
         most: f64,
+        most_promised: f64,
     ) -> (Step, f64) {
         let problem = &self.problem;
         let count = rows.len().max(1) as f64;
@@ -367,7 +371,13 @@ impl Path {
         let centring = if rows.is_empty() { 1.0 } else { (reached / present).powi(3).clamp(LEAST_CENTRING, 1.0) };
         // The multipliers of the rest are the weight over slacks of the bound's size.
         let last = LAST_SHARE * self.tolerance * problem.bound.min(1.0) / (count + self.terms());
-        let weight = (centring * present).min(most).max(last);
+        let mut weight = (centring * present).min(most).max(last);
+        // Where all is convex and multipliers are stationary, the bound lies above its least value by no more than the sum of the products.
+        // A predictor that promises more tells of a way along which constraints are to come and go yet, and small products make its steps short.
+        let promised = -affine.bound / count;
+        if promised > present {
+            weight = weight.max(promised.min(most_promised));
+        }
         // The predictor aims at 0: of the way to the present weight itself its products say nothing.
         let trust = (1.0 - weight / problem.rest_weight).max(0.0).powi(2);
         let second_order = |k: usize| {
