@@ -27,6 +27,7 @@ box 1 x 1 x 2|brackets|domain.solid=box domain.size=[1,1,2] boundary.corners=1.5
 4-sided pyramid|brackets|domain.solid=pyramid domain.sides=4 boundary.corners="power" mesh.sectors=4 mesh.rings=7 mesh.layers=7 mesh.grading=1 mesh.layer_grading=1
 5-sided pyramid|brackets|domain.solid=pyramid domain.sides=5 boundary.corners="power" mesh.sectors=4 mesh.rings=7 mesh.layers=7 mesh.grading=1 mesh.layer_grading=1
 5-sided bipyramid|brackets|domain.solid=bipyramid domain.sides=5 domain.height=0.75 boundary.corners="power" mesh.sectors=4 mesh.rings=7 mesh.layers=7
+gem|brackets-gem|
 ellipsoid 1 1 2|brackets-ellipsoid|
 ROWS
 }

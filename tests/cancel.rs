@@ -176,7 +176,7 @@ fn a_signal_ends_a_run_while_it_is_meshing() {
 /// A mesher whose file never comes to its end, which nothing that reads it looks up from.
 #[test]
 #[cfg(target_os = "linux")]
-fn a_signal_ends_a_run_that_has_no_map_yet_whatever_it_does() {
+fn a_signal_ends_a_run_or_a_sweep_that_has_no_map_yet_whatever_it_does() {
     use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
     use std::process::{Command, Stdio};
     const NONBLOCK: i32 = 0o4000;
@@ -186,13 +186,19 @@ fn a_signal_ends_a_run_that_has_no_map_yet_whatever_it_does() {
     std::fs::set_permissions(at("mesher"), std::fs::Permissions::from_mode(0o755)).unwrap();
     std::fs::write(at("a.toml"), "[domain]\nsolid = \"cube\"\n[mesh]\nkind = \"tetgen\"\nprogram = \"./mesher\"\n")
         .unwrap();
-    for more in [&[][..], &["--dry-run"]] {
+    let varied = std::fs::read_to_string(at("a.toml")).unwrap() + "[sweep.grid]\n\"optimize.max_iterations\" = [5]\n";
+    std::fs::write(at("b.toml"), varied).unwrap();
+    let no_map = "interrupted before there was a map";
+    for (command, words) in [
+        (&["run", "a.toml"][..], no_map),
+        (&["run", "a.toml", "--dry-run"], no_map),
+        (&["sweep", "b.toml"], "interrupted: 0 of 1 cases are done"),
+    ] {
         let _ = std::fs::remove_file(at("mesher.folder"));
         let mut run = Command::new(assert_cmd::cargo::cargo_bin!("qcball"))
             .current_dir(folder.path())
             .env("TMPDIR", folder.path())
-            .args(["run", "a.toml"])
-            .args(more)
+            .args(command)
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()
@@ -211,7 +217,7 @@ fn a_signal_ends_a_run_that_has_no_map_yet_whatever_it_does() {
         let output = run.wait_with_output().unwrap();
         drop(writer);
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert!(output.status.code() == Some(130) && said.contains("interrupted before there was a map"), "{said}");
+        assert!(output.status.code() == Some(130) && said.contains(words), "{said}");
         assert!(!at("results/a/report.json").exists());
     }
 }

@@ -222,13 +222,14 @@ fn no_exponent_common_to_all_corners_is_better_than_those_that_are_found() {
                 max_k(&serde_json::from_str(&out).unwrap())
             };
             let found = k("\"power\"");
-            for exponent in ["1.0", "1.1", "1.25", "1.4", "1.7"] {
-                // What the polish may give up, twice, and the accuracy of a search.
-                let given = k(exponent);
-                assert!(
-                    found <= given * 1.002,
-                    "{solid} {values} {subdivisions} {layers}: {found}, {exponent}: {given}"
-                );
+            let given = ["1.0", "1.1", "1.25", "1.4", "1.7"].map(k);
+            // What the polish may give up, twice, and the accuracy of a search. Without the common exponents among those that it tries it ends
+            // above in one of these cases, without those next to 1 in four, without its steps and either in five.
+            let least = given.into_iter().fold(f64::INFINITY, f64::min);
+            assert!(found <= least * 1.002, "{solid} {values} {subdivisions} {layers}: {found}, {given:?}");
+            // The needle's corners need different exponents, which only the steps of the search lead to: 8.02, and 11.83 without.
+            if (solid, values, subdivisions) == (0, "sliding", 2) {
+                assert!(found < 0.5 * least, "{found}, {given:?}");
             }
         }
     }

@@ -2,18 +2,14 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
 
 use super::Failure;
 use super::output::show_error;
 use crate::cancel::Cancel;
-use crate::experiment::RunError;
+use crate::experiment::{GRACE, RunError};
 
 /// Exit code of a program that a signal ended: 128 + SIGINT.
 pub(super) const EXIT_CODE: u8 = 130;
-
-/// How long a run that has no map yet is waited for.
-const GRACE: Duration = Duration::from_secs(1);
 
 /// A flag that the first SIGINT, SIGTERM or SIGHUP raises; the second ends the program at once.
 pub(super) fn cancel_on_signal() -> Cancel {

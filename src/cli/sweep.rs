@@ -113,7 +113,7 @@ pub(super) fn sweep(arguments: &SweepArguments, program: &Path) -> Result<Ending
         cancel: interrupt::cancel_on_signal(),
     };
     let progress = SweepProgress::new(arguments.quiet, &sweep, &cases, &folder);
-    let ran = run(&cases, &folder, &settings, &experiment::run, &|case, event| progress.show(case, event));
+    let ran = run(&cases, &folder, &settings, &experiment::run_or_leave, &|case, event| progress.show(case, event));
     progress.finish();
     let indexed = || match arguments.shard {
         None => write_index(&sweep, &folder),

@@ -85,14 +85,8 @@ impl ConfigSource {
             ConfigError::content(path, &text, span, message, help)
         };
         if let Some((name, span)) = listed_table(&text) {
-            let message = format!("`{name}` is a list, where the table [{name}] is expected");
-            return Err(ConfigError::content(
-                path,
-                &text,
-                Some(span),
-                message,
-                format!("write [{name}], not [[{name}]]"),
-            ));
+            let help = format!("write [{name}], not [[{name}]]");
+            return Err(ConfigError::content(path, &text, Some(span), is_listed(name), help));
         }
         let mut config: Config = toml::from_str(&text).map_err(fault)?;
         let merged: toml::Table = toml::from_str(&text).map_err(fault)?;
@@ -221,6 +215,10 @@ impl ConfigSource {
                     },
                 )?;
         }
+        if let ([], Some(name), true) = (tables, table_named(last), value.is_array()) {
+            let help = format!("name a key of the table, {name}.KEY, or write {name}={{KEY=VALUE}}");
+            return Err(one.fault(&self.path, &self.text, is_listed(name), help));
+        }
         table.insert(last.clone(), value);
         let config = Config::deserialize(toml::Value::Table(self.merged.clone())).map_err(|error| {
             let (message, help) = reworded(error.message(), Some(&one.key.join(".")));
@@ -288,12 +286,21 @@ fn value_of(text: &str) -> toml::Value {
         .unwrap_or_else(|| toml::Value::String(text.trim().to_string()))
 }
 
+/// The table of a config that has this name.
+fn table_named(name: &str) -> Option<&'static str> {
+    const TABLES: [&str; 8] = ["domain", "mesh", "map", "boundary", "optimize", "refine", "bounds", "sweep"];
+    TABLES.into_iter().find(|table| name == *table)
+}
+
+fn is_listed(name: &str) -> String {
+    format!("`{name}` is a list, where the table [{name}] is expected")
+}
+
 /// A table of a config that stands as a list of such, which serde would take for the values of its keys in a row.
 fn listed_table(text: &str) -> Option<(&'static str, Range<usize>)> {
-    const TABLES: [&str; 8] = ["domain", "mesh", "map", "boundary", "optimize", "refine", "bounds", "sweep"];
     let parsed = DeTable::parse(text).ok()?;
     parsed.get_ref().iter().find_map(|(name, value)| {
-        let table = TABLES.into_iter().find(|table| name.get_ref() == table)?;
+        let table = table_named(name.get_ref())?;
         matches!(value.get_ref(), DeValue::Array(_)).then(|| (table, name.span()))
     })
 }

@@ -316,6 +316,8 @@ fn overrides_apply_in_order_and_are_blamed_for_their_own_faults() {
         ("mesh.layers=0", &["--set mesh.layers=0: `mesh.layers` is 0"]),
         ("mesh.layers=many", &["--set mesh.layers=many: `mesh.layers`", "a whole number"]),
         ("mesh={layers=-1}", &["--set mesh={layers=-1}: `mesh.layers` is -1"]),
+        ("bounds=[true]", &["--set bounds=[true]: `bounds` is a list", "the table [bounds]", "bounds.KEY"]),
+        ("mesh=[]", &["--set mesh=[]: `mesh` is a list"]),
         ("mesh.layers.x=1", &["`layers` is a value, not a table"]),
         ("domain.solid=cub", &["`domain.solid` cannot be `cub`", "did you mean `cube`?"]),
         ("domain.sides=3", &["--set domain.sides=3: `sides` is no parameter of the solid cube"]),

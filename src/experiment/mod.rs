@@ -2,6 +2,7 @@
 
 mod corners;
 mod error;
+mod leave;
 mod mesher;
 mod optimize_map;
 mod record;
@@ -28,6 +29,9 @@ use crate::refine::{RefinedMap, refine};
 use crate::report::{MapRecord, RefinedFigures, Report, Times, UntanglingFigures, trace_hash};
 
 pub use error::{Fault, RunError};
+#[cfg(feature = "cli")]
+pub(crate) use leave::GRACE;
+pub use leave::run_or_leave;
 pub use optimize_map::{GivenMap, OptimizedMap, optimize_map, read_locks};
 pub(crate) use record::{Course, Heading, bounds, record};
 pub(crate) use start::Start;

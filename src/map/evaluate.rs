@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::corner::Corners;
-use super::locate::Locator;
+use super::locate::{Locator, Place};
 use super::radial::{RayEnd, Rays};
 use crate::domain::Domain;
 use crate::mesh::{Orientation, TetId, Vec3, View, orientation};
@@ -121,7 +121,8 @@ impl<'a> Evaluator<'a> {
     pub fn at(&self, point: &Vec3) -> Option<Located> {
         let warp = self.corners.and_then(|corners| corners.warp(self.in_domain.find(point)?.tet));
         let warped = warp.map_or(*point, |warp| warp.at(point));
-        let Located { tet, position } = self.moved(&self.in_domain, &warped, self.image)?;
+        let Place { tet, weights } = self.in_domain.find(&warped)?;
+        let position = mean(self.domain.mesh().tets()[tet.index()].map(|v| self.image[v.index()]), weights);
         let Some(rays) = &self.rays else { return Some(Located { tet, position }) };
         let radius = position.norm();
         if radius == 0.0 {
@@ -141,18 +142,17 @@ impl<'a> Evaluator<'a> {
             }
             _ => *point,
         };
-        let Located { tet, position } = self.moved(&self.in_image, &in_image, self.domain.mesh().points())?;
-        let warp = self.corners.and_then(|corners| corners.warp(tet));
-        Some(Located { tet, position: warp.map_or(position, |warp| warp.inverse(&position)) })
-    }
-
-    /// Where a point goes when the tets move to other positions.
-    fn moved(&self, from: &Locator, point: &Vec3, to: &[Vec3]) -> Option<Located> {
-        let place = from.find(point)?;
-        let corners = self.domain.mesh().tets()[place.tet.index()].map(|v| to[v.index()]);
-        let position = corners.iter().zip(place.weights).map(|(corner, weight)| corner * weight).sum();
+        let place = self.in_image.find(&in_image)?;
+        let warp = self.corners.and_then(|corners| corners.warp(place.tet)).filter(|warp| warp.exponent() != 1.0);
+        let corners = self.domain.mesh().corners(place.tet);
+        let position =
+            warp.map_or_else(|| mean(corners, place.weights), |warp| warp.inverse_of_mean(corners, place.weights));
         Some(Located { tet: place.tet, position })
     }
+}
+
+fn mean(corners: [Vec3; 4], weights: [f64; 4]) -> Vec3 {
+    corners.iter().zip(weights).map(|(corner, weight)| corner * weight).sum()
 }
 
 /// The rays from 0 to the boundary of an image that is star-shaped about it.

@@ -72,7 +72,9 @@ impl Locator {
             }
         }
         let index = inside.or(beside.map(|(_, index)| index))?;
-        let parts = self.tets[index as usize].parts(point);
+        // Outside, rounding decides: the power at a corner would make much of its direction.
+        let parts =
+            self.tets[index as usize].parts(point).map(|part| if inside.is_none() { part.max(0.0) } else { part });
         let whole: f64 = parts.iter().sum();
         Some(Place { tet: TetId(index), weights: parts.map(|part| part / whole) })
     }

@@ -161,7 +161,7 @@ pub(super) fn run<'py>(
     let cancel = plan.optimize.cancel.clone();
     let watch = Watch::new(py, &observe, &cancel);
     let finished = waited(py, &cancel, || {
-        experiment::run(&plan, &mut |row| {
+        experiment::run_or_leave(&plan, &mut |row| {
             watch.call(|| (row.phase.to_string(), row.iteration, row.max_k, row.mean_k, row.progress, row.seconds));
         })
     })?;
@@ -218,7 +218,7 @@ pub(super) fn sweep(
     let cases: Vec<&Case> = sweep.cases.iter().collect();
     let watch = Watch::new(py, &observe, &settings.cancel);
     let ran = waited(py, &settings.cancel, || {
-        qcball::sweep::run(&cases, &folder, &settings, &experiment::run, &|case, event| {
+        qcball::sweep::run(&cases, &folder, &settings, &experiment::run_or_leave, &|case, event| {
             if let Event::Ended(ended) = event {
                 watch.call(|| (case.number, cases.len(), case.in_words(), how(ended)));
             }

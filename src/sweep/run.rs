@@ -26,7 +26,8 @@ pub struct SweepSettings {
     pub cancel: Cancel,
 }
 
-/// What makes a run of a plan: [`experiment::run`](crate::experiment::run), but for tests.
+/// What makes a run of a plan: [`experiment::run`](crate::experiment::run), or [`run_or_leave`](crate::experiment::run_or_leave) where a signal
+/// may cancel it.
 pub type Compute<'a> = dyn Fn(&Plan, &mut (dyn FnMut(&TraceRow) + Send)) -> Result<Finished, RunError> + Sync + 'a;
 
 /// What happens to a case.

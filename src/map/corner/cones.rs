@@ -397,6 +397,27 @@ mod tests {
     }
 
     #[test]
+    fn a_solid_far_from_0_holds_the_points_next_to_its_corners_that_the_inverse_gives() {
+        for exponent in [0.7, 1.6, 2.5] {
+            let (near, image, corners) = flags(exponent);
+            let far: Vec<Vec3> = near.mesh().points().iter().map(|p| p + Vec3::new(1e6, -1e6, 1e6)).collect();
+            let domain = Domain::new(TetMesh::new(far.clone(), near.mesh().tets().to_vec()).unwrap()).unwrap();
+            let corners = Corners::new(&domain, corners.cones().to_vec(), corners.of_tets().to_vec()).unwrap();
+            let map = Evaluator::new(&domain, &image, Onto::Ball).unwrap().with_corners(&corners);
+            for (point, on) in far.iter().zip(domain.boundary().vertex_mask()) {
+                let there = map.at(point).unwrap().position;
+                let back = map.inverse(&there).unwrap().position;
+                let again = map.at(&back).expect("the inverse lies in the solid").position;
+                // Four units of the last place of the domain's coordinates, 1.2e-10, stretched by less than 100; next to a corner, where
+                // the map is like r^p, less than the r^p of so near a point.
+                let unsure = 1e-8f64.max(1e-9f64.powf(exponent));
+                assert!((again - there).norm() < unsure, "{exponent}: {there:?} {again:?}");
+                assert!(!on || (there.norm() - 1.0).abs() < 1e-9);
+            }
+        }
+    }
+
+    #[test]
     fn the_stars_of_corners_make_a_continuous_map_with_an_inverse() {
         use crate::mesh::Subdivision;
         use rand_chacha::ChaCha8Rng;

@@ -115,10 +115,22 @@ impl Warp {
         self.scaled(x, 1.0 / self.exponent)
     }
 
+    /// The point that goes to the mean of a tet's corners with these weights. For p > 1 it is farther from the apex: of a point next to the apex
+    /// the coordinates, rounded, do not tell the direction, in which the weights are as good as their own rounding.
+    pub fn inverse_of_mean(&self, corners: [Vec3; 4], weights: [f64; 4]) -> Vec3 {
+        let offset: Vec3 = corners.iter().zip(weights).map(|(corner, weight)| (corner - self.apex) * weight).sum();
+        self.apex + self.stretched(offset, 1.0 / self.exponent)
+    }
+
     fn scaled(&self, x: &Vec3, exponent: f64) -> Vec3 {
+        if exponent == 1.0 { *x } else { self.apex + self.stretched(x - self.apex, exponent) }
+    }
+
+    /// The offset from the apex that a warp gives to one.
+    fn stretched(&self, offset: Vec3, exponent: f64) -> Vec3 {
         // Rounding may put a point of a side near the apex behind it.
-        let height = self.height(x).max(0.0);
-        if exponent == 1.0 || height == 0.0 { *x } else { self.apex + (x - self.apex) * height.powf(exponent - 1.0) }
+        let height = self.gradient.dot(&offset).max(0.0);
+        if height == 0.0 { offset } else { offset * height.powf(exponent - 1.0) }
     }
 
     /// I + (p-1) u n^T: the Jacobian of the warp at x up to a positive factor, for the projection u of x - v to the base.

@@ -174,6 +174,47 @@ def test_an_interrupt_returns_the_best_map():
     assert m.stop == "cancelled" and np.isfinite(m.max_K)
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="needs named pipes that can be tried")
+@pytest.mark.parametrize("call", [qcball.run, qcball.sweep])
+def test_an_interrupt_ends_what_has_no_map_yet_whatever_it_does(tmp_path, call):
+    # A mesher whose file never comes to its end, which nothing that reads it looks up from.
+    mesher = tmp_path / "mesher"
+    mesher.write_text('#!/bin/sh\nmkfifo surface.mesh && pwd > "$0.folder"\n')
+    mesher.chmod(0o755)
+    config = '[domain]\nsolid = "cube"\n[mesh]\nkind = "tetgen"\nprogram = "./mesher"\n[sweep.grid]\n"optimize.max_iterations" = [5]\n'
+    (tmp_path / "a.toml").write_text(config)
+    ended = threading.Event()
+
+    def interrupt():
+        while not ended.is_set():
+            try:
+                # It can be opened for writing once it is for reading.
+                folder = (tmp_path / "mesher.folder").read_text().strip()
+                pipe = os.open(os.path.join(folder, "surface.mesh"), os.O_WRONLY | os.O_NONBLOCK)
+            except OSError:
+                ended.wait(0.01)
+                continue
+            signal.raise_signal(signal.SIGINT)
+            # What waits for the file still is let go in the end, and fails.
+            ended.wait(60)
+            os.close(pipe)
+            return
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    thread = threading.Thread(target=interrupt)
+    thread.start()
+    try:
+        if call is qcball.run:
+            with pytest.raises(KeyboardInterrupt):
+                call(tmp_path / "a.toml")
+        else:
+            assert not call(tmp_path / "a.toml", out=tmp_path / "out").is_whole
+    finally:
+        ended.set()
+        thread.join()
+        signal.signal(signal.SIGINT, before)
+
+
 def test_a_surface_is_filled_and_its_boundary_slides_or_stays():
     points, triangles = octahedron()
     stays = qcball.ball_map(points, triangles, cells_wanted=300, max_iterations=20)
