@@ -38,8 +38,10 @@ done <<'MESHES'
 cube-1k fixed 12 600% 4.41
 cube-1k fixed 24 600% 4.41
 tetra-1k fixed 12 600% 13.42
+tetra-1k fixed 24 600% 13.42
 octa-1k fixed 12 600% 4.77
 octa-1k fixed 24 600% 4.77
 bumpy-1k fixed 12 600% -
+bumpy-1k fixed 24 600% -
 MESHES
 echo results/refined-surface/table.md

@@ -39,9 +39,7 @@ const ROUGH: f64 = 4e-3;
 /// The same two where edges of the surface are halved: there tets that a soft maximum of 16 leaves behind, which the maximum does not, draw
 /// too many of the halves to them.
 const OF_SURFACE: (f64, f64) = (32.0, 1e-3);
-/// Problems of K onto the ball in a round, after a soft maximum of K onto the polyhedron was lowered. Without that maximum, and with thinner halves
-/// allowed, meshes of 1,000 tets ended at 5.14 instead of 5.01 (cube), 2.89 instead of 2.67 (bumpy), but 14.87 instead of 14.94 (tetrahedron)
-/// and 5.34 instead of 5.48 (octahedron). With three problems the last two end no lower, with none the cube at 5.70.
+/// Problems of K onto the ball in a round: with three the rounds take as long again, and a cube ends at 4.95 instead of 5.03.
 const PROBLEMS: usize = 1;
 
 /// Why refinement ended.
@@ -186,10 +184,10 @@ pub fn refine(
         refined.domain = halves.domain;
         refined.halved.extend(halves.edges);
         best = halves.best;
-        refined.settle(round, &halves.carried, &softly, observe)?;
         if surface {
-            let onto_polyhedron = refined.outcome.positions.clone();
-            refined.settle_onto_ball((round, PROBLEMS), onto_polyhedron, &softly, observe)?;
+            refined.settle_onto_ball((round, PROBLEMS), halves.carried, &softly, observe)?;
+        } else {
+            refined.settle(round, &halves.carried, &softly, observe)?;
         }
         let max_k = refined.max_k(&refined.outcome.positions, surface);
         let is_best = max_k < reached;

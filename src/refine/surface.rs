@@ -17,9 +17,6 @@ const LOW: f64 = 0.5;
 const NEAR: (f64, usize, usize) = (0.9, 2, 24);
 /// Length of an edge's image over that of the longest of its triangle from which halving it brings the triangle nearer to the sphere.
 const LONG: f64 = 0.8;
-/// Least share of the volume of the image of half a tet that is left when the middle of an edge goes to the sphere: one that is nearly flat then
-/// may begin with a K of hundreds.
-const LEFT: f64 = 0.6;
 /// Share of the spread of ln K onto the ball of a tet on a triangle's cone that halving an edge of the triangle is taken to gain.
 const GAINED: f64 = 0.25;
 
@@ -76,8 +73,7 @@ impl Middles {
         if norm > 0.0 { direction * (radius / norm) } else { (a + b) / 2.0 }
     }
 
-    /// Whether the halves of these tets at an edge of the surface keep their orientation, and enough of their volume, when its middle goes to the
-    /// sphere.
+    /// Whether the halves of these tets at an edge of the surface keep their orientation when its middle goes to the sphere.
     pub fn keep(
         &self,
         domain: &Domain,
@@ -87,10 +83,7 @@ impl Middles {
     ) -> bool {
         let [a, b] = edge.map(|v| image[v.index()]);
         let step = self.on_ray([a, b], edge.map(|v| &domain.mesh().points()[v.index()])) - (a + b) / 2.0;
-        around.all(|tet| {
-            let least = LEFT * domain.jacobian(tet, image).determinant();
-            edge.iter().all(|end| half(domain, image, tet, *end, &step).determinant() > least)
-        })
+        around.all(|tet| edge.iter().all(|end| half(domain, image, tet, *end, &step).determinant() > 0.0))
     }
 }
 
