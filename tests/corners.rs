@@ -227,9 +227,9 @@ fn no_exponent_common_to_all_corners_is_better_than_those_that_are_found() {
             // above in one of these cases, without those next to 1 in four, without its steps and either in five.
             let least = given.into_iter().fold(f64::INFINITY, f64::min);
             assert!(found <= least * 1.002, "{solid} {values} {subdivisions} {layers}: {found}, {given:?}");
-            // The needle's corners need different exponents, which only the steps of the search lead to: 7.40, the best common one 11.03.
+            // The needle's corners need different exponents, to which the steps of the search lead: 7.40, 8.02 without, the best common one 11.03.
             if (solid, values, subdivisions) == (0, "sliding", 2) {
-                assert!(found < 0.75 * least, "{found}, {given:?}");
+                assert!(found < 0.7 * least, "{found}, {given:?}");
             }
         }
     }
