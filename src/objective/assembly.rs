@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::element::{ElementDerivatives, centred_logs, gradient_from};
 use super::gather::{Gather, edges, positions_in, put_block, split_columns};
-use super::opening::{change_of_distance, opening};
+use super::opening::{OpeningDerivatives, opening};
 use super::unknowns::Tangent;
 use super::{Barrier, Iterate, TetEnergy, Unknowns};
 use crate::domain::Domain;
@@ -184,9 +184,11 @@ impl<'d> Assembly<'d> {
         }
         for (triangle, least) in self.watched() {
             let corners = triangle.map(|v| &image[v.index()]);
-            if opening(corners) < least * (1.0 + AT_LEAST)
-                && change_of_distance(corners, triangle.map(|v| down[v.index()])) < 0.0
-            {
+            let change = || -> f64 {
+                let gradient = OpeningDerivatives::of(corners).gradient;
+                gradient.iter().zip(triangle).map(|(g, v)| g.dot(&down[v.index()])).sum()
+            };
+            if opening(corners) < least * (1.0 + AT_LEAST) && change() < 0.0 {
                 triangle.iter().for_each(|v| held[v.index()] = true);
             }
         }

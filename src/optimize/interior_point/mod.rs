@@ -37,8 +37,9 @@ const FIRST_GAIN: f64 = 0.1;
 /// A constraint gets a multiplier where its slack is below the first share of the bound, and loses it above the second. At
 /// larger shares its singular value could still become a double one, see [`PrimalDual`].
 const NEAR: (f64, f64) = (0.2, 0.3);
-/// The same of a triangle's opening beyond its least one, and its least slack.
+/// The same of a triangle's opening beyond its least one.
 const NEAR_OPENING: (f64, f64) = (0.1, 0.2);
+/// Least slack of an opening that comes near, as [`LEAST_SLACK`].
 const LEAST_SLACK_OF_OPENING: f64 = 0.01;
 /// How far triangles may have opened beyond their least openings in what is kept: the reach of the tolerance.
 pub(super) const OPENED: f64 = 1e-6;
