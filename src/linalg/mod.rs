@@ -7,6 +7,7 @@ mod iterative;
 mod ordering;
 mod pattern;
 mod quadratic_program;
+mod reduction;
 mod sparse;
 mod svd;
 mod system;

@@ -5,7 +5,7 @@ use std::ops::Range;
 /// The blocks of the lower triangle: block column `j` holds `size * size` values for each of its blocks, as `size` scalar
 /// columns of full height each (the diagonal block is stored whole).
 pub(super) struct BlockPattern {
-    size: usize,
+    pub size: usize,
     /// Start of each block column in the rows.
     pub column_starts: Vec<usize>,
     /// Block rows, ascending within each block column, the diagonal first.

@@ -7,13 +7,16 @@ use std::ops::Range;
 
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::perm::PermRef;
+use faer::sparse::linalg::SupernodalThreshold;
 use faer::sparse::linalg::cholesky::{
     CholeskySymbolicParams, LltRef, SymbolicCholesky, SymmetricOrdering, factorize_symbolic_cholesky,
 };
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMat};
 use faer::{Conj, MatMut, Par, Side, Spec};
 
+use super::Mat3;
 use super::pattern::BlockPattern;
+use super::reduction::Reduction;
 
 /// Why a sparse system cannot be set up or solved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -32,56 +35,80 @@ pub enum SparseError {
 /// The lower triangle is stored by block columns: block column `j` holds `size * size * (blocks in column j)` values, as
 /// `size` scalar columns of full height each (the diagonal block is stored whole).
 pub struct BlockCholesky {
-    size: usize,
     blocks: BlockPattern,
     pattern: SymbolicSparseColMat<usize>,
     symbolic: SymbolicCholesky<usize>,
     values: Vec<f64>,
+    /// What of the matrix is factorised; `None` if all of it.
+    reduction: Option<Reduction>,
     factor: Vec<f64>,
     factor_memory: MemBuffer,
     solve_memory: MemBuffer,
 }
 
 impl BlockCholesky {
-    /// Analyses the pattern given as edges `(row, column)` with `row > column` between `block_count` 3x3 blocks; the
-    /// diagonal is always there.
+    /// Analyses the pattern given as edges `(row, column)` with `row > column` between 3x3 blocks; the diagonal is always there. Only the
+    /// part in a subspace of each block's three unknowns is factorised and solved for: the subspaces have these dimensions, one a block,
+    /// and are those that [`BlockCholesky::set_frames`] says. A vertex that slides on a sphere has two unknowns then.
     ///
     /// # Errors
     /// [`SparseError::TooLarge`].
-    pub fn new(block_count: usize, edges: &[(u32, u32)]) -> Result<Self, SparseError> {
-        Self::with_block_size(3, block_count, edges)
+    pub fn new(dimensions: &[usize], edges: &[(u32, u32)]) -> Result<Self, SparseError> {
+        let blocks = BlockPattern::new(3, dimensions.len(), edges);
+        let reduction = dimensions.iter().any(|&d| d != 3).then(|| Reduction::new(dimensions, &blocks));
+        Self::of_pattern(blocks, dimensions, reduction)
     }
 
-    /// The same with `size` x `size` blocks.
+    /// All of a matrix of `size` x `size` blocks.
     ///
     /// # Errors
     /// [`SparseError::TooLarge`].
     pub fn with_block_size(size: usize, block_count: usize, edges: &[(u32, u32)]) -> Result<Self, SparseError> {
-        let blocks = BlockPattern::new(size, block_count, edges);
-        let mut scalar_starts = Vec::with_capacity(size * block_count + 1);
+        Self::of_pattern(BlockPattern::new(size, block_count, edges), &vec![size; block_count], None)
+    }
+
+    /// The factor of blocks of which so many unknowns each are solved for.
+    fn of_pattern(
+        blocks: BlockPattern,
+        dimensions: &[usize],
+        reduction: Option<Reduction>,
+    ) -> Result<Self, SparseError> {
+        let block_count = dimensions.len();
+        let mut firsts = Vec::with_capacity(block_count + 1);
+        firsts.push(0);
+        for dimension in dimensions {
+            firsts.push(firsts[firsts.len() - 1] + dimension);
+        }
+        let scalars = |block: usize| firsts[block]..firsts[block + 1];
+        let n = firsts[block_count];
+        let mut scalar_starts = Vec::with_capacity(n + 1);
         let mut scalar_rows = Vec::with_capacity(blocks.value_count());
         scalar_starts.push(0);
         for column in 0..block_count {
-            for _ in 0..size {
+            for _ in scalars(column) {
                 for &row in &blocks.rows[blocks.column(column)] {
-                    scalar_rows.extend((0..size).map(|r| size * row as usize + r));
+                    scalar_rows.extend(scalars(row as usize));
                 }
                 scalar_starts.push(scalar_rows.len());
             }
         }
-        let n = size * block_count;
         let pattern = SymbolicSparseColMat::new_checked(n, n, scalar_starts, None, scalar_rows);
         let order = nested_dissection(block_count, blocks.entries())?;
-        let forward: Vec<usize> = order.iter().flat_map(|&v| (0..size).map(move |r| size * v as usize + r)).collect();
+        let forward: Vec<usize> = order.iter().flat_map(|&v| scalars(v as usize)).collect();
         let mut inverse = vec![0; n];
         for (new, &old) in forward.iter().enumerate() {
             inverse[old] = new;
         }
+        // By the default rule reduced systems of some hundred blocks would be factorised column by column, in half as much time again.
+        let threshold = match reduction {
+            None => SupernodalThreshold::default(),
+            Some(_) => SupernodalThreshold::FORCE_SUPERNODAL,
+        };
         let symbolic = factorize_symbolic_cholesky(
             pattern.as_ref(),
             Side::Lower,
             SymmetricOrdering::Custom(PermRef::new_checked(&forward, &inverse, n)),
-            CholeskySymbolicParams::default(),
+            CholeskySymbolicParams { supernodal_flop_ratio_threshold: threshold, ..Default::default() },
         )
         .map_err(|_| SparseError::TooLarge)?;
         let memory = |requirement| MemBuffer::try_new(requirement).map_err(|_| SparseError::TooLarge);
@@ -89,7 +116,7 @@ impl BlockCholesky {
         let solve_memory = memory(symbolic.solve_in_place_scratch::<f64>(1, Par::Seq))?;
         let values = vec![0.0; blocks.value_count()];
         let factor = vec![0.0; symbolic.len_val()];
-        Ok(Self { size, blocks, pattern, symbolic, values, factor, factor_memory, solve_memory })
+        Ok(Self { blocks, pattern, symbolic, values, reduction, factor, factor_memory, solve_memory })
     }
 
     /// Number of blocks on the diagonal.
@@ -116,7 +143,7 @@ impl BlockCholesky {
 
     /// The product of the matrix of the present values with a vector.
     pub fn multiply(&self, vector: &[f64]) -> Vec<f64> {
-        let size = self.size;
+        let size = self.blocks.size;
         let mut product = vec![0.0; vector.len()];
         for column in 0..self.block_count() {
             let Range { start, end } = self.blocks.column(column);
@@ -145,7 +172,7 @@ impl BlockCholesky {
     /// Adds to each diagonal block a multiple of the identity.
     pub fn shift_blocks(&mut self, shifts: &[f64]) {
         for (index, entry) in self.blocks.diagonal().enumerate() {
-            self.values[entry] += shifts[index / self.size];
+            self.values[entry] += shifts[index / self.blocks.size];
         }
     }
 
@@ -154,15 +181,27 @@ impl BlockCholesky {
         self.blocks.diagonal().map(|entry| self.values[entry]).fold(0.0, f64::max)
     }
 
+    /// Says the subspaces of [`BlockCholesky::in_subspaces`]: each is spanned by as many columns of its block's frame, which are
+    /// orthonormal.
+    pub fn set_frames(&mut self, frames: Vec<Mat3>) {
+        if let Some(reduction) = &mut self.reduction {
+            reduction.frames = frames;
+        }
+    }
+
     /// Factorises the matrix of the present values, on one thread, so that the result never depends on their number.
     ///
     /// # Errors
     /// [`SparseError::NotPositiveDefinite`].
     pub fn factorize(&mut self) -> Result<(), SparseError> {
+        let values = match &mut self.reduction {
+            None => &self.values,
+            Some(reduction) => reduction.reduce(&self.blocks, &self.values),
+        };
         self.symbolic
             .factorize_numeric_llt(
                 &mut self.factor,
-                SparseColMatRef::new(self.pattern.as_ref(), &self.values),
+                SparseColMatRef::new(self.pattern.as_ref(), values),
                 Side::Lower,
                 Default::default(),
                 Par::Seq,
@@ -175,13 +214,20 @@ impl BlockCholesky {
 
     /// Replaces the right-hand side by the solution with the last factorisation.
     pub fn solve(&mut self, right_hand_side: &mut [f64]) {
-        let n = right_hand_side.len();
-        LltRef::<usize, f64>::new(&self.symbolic, &self.factor).solve_in_place_with_conj(
-            Conj::No,
-            MatMut::from_column_major_slice_mut(right_hand_side, n, 1),
-            Par::Seq,
-            MemStack::new(&mut self.solve_memory),
-        );
+        let (factor, memory) = (LltRef::<usize, f64>::new(&self.symbolic, &self.factor), &mut self.solve_memory);
+        let mut solve = |scalars: &mut [f64]| {
+            let count = scalars.len();
+            let scalars = MatMut::from_column_major_slice_mut(scalars, count, 1);
+            factor.solve_in_place_with_conj(Conj::No, scalars, Par::Seq, MemStack::new(memory));
+        };
+        match &self.reduction {
+            None => solve(right_hand_side),
+            Some(reduction) => {
+                let mut reduced = reduction.restrict(right_hand_side);
+                solve(&mut reduced);
+                reduction.extend(&reduced, right_hand_side);
+            }
+        }
     }
 }
 
@@ -238,7 +284,7 @@ mod tests {
         }
         dense += nalgebra::DMatrix::identity(3 * count, 3 * count);
 
-        let mut system = BlockCholesky::new(count, &edges).unwrap();
+        let mut system = BlockCholesky::new(&vec![3; count], &edges).unwrap();
         let (starts, rows) = (system.column_starts().to_vec(), system.rows().to_vec());
         for column in 0..count {
             let height = starts[column + 1] - starts[column];
@@ -260,6 +306,30 @@ mod tests {
         for (got, want) in solution.iter().zip(expected.iter()) {
             assert!((got - want).abs() < 1e-12);
         }
+
+        // The same in a plane, a line or all of each block's three unknowns: T^T A T y = T^T b.
+        let dimensions: Vec<usize> = (0..count).map(|i| [3, 2, 1, 2][i % 4]).collect();
+        let frames: Vec<Mat3> = (0..count)
+            .map(|i| *nalgebra::Rotation3::from_euler_angles(i as f64, 0.3 * i as f64, 1.0).matrix())
+            .collect();
+        let mut reduced = BlockCholesky::new(&dimensions, &edges).unwrap();
+        reduced.values_mut().copy_from_slice(system.values_mut());
+        reduced.set_frames(frames.clone());
+        reduced.factorize().unwrap();
+        let total = dimensions.iter().sum();
+        let mut basis = nalgebra::DMatrix::<f64>::zeros(3 * count, total);
+        let axes = (0..count).flat_map(|i| (0..dimensions[i]).map(move |axis| (i, axis)));
+        for (column, (i, axis)) in axes.enumerate() {
+            // Nothing is turned where all of a block is in.
+            let along = if dimensions[i] == 3 { Mat3::identity() } else { frames[i] };
+            basis.view_mut((3 * i, column), (3, 1)).copy_from(&along.column(axis));
+        }
+        let small = basis.tr_mul(&(&dense * &basis)).cholesky().unwrap();
+        let want = &basis * small.solve(&basis.tr_mul(&expected));
+        let mut got = expected.as_slice().to_vec();
+        reduced.solve(&mut got);
+        assert!(got.iter().zip(want.iter()).all(|(got, want)| (got - want).abs() < 1e-12));
+
         system.shift_diagonal(-1e3);
         assert_eq!(system.factorize(), Err(SparseError::NotPositiveDefinite));
     }

@@ -1,6 +1,6 @@
 //! The Newton system: solved directly up to a size, iteratively above it.
 
-use super::{BlockCholesky, BlockConjugateGradients, SparseError, Vec3};
+use super::{BlockCholesky, BlockConjugateGradients, Mat3, SparseError, Vec3};
 use crate::cancel::Cancel;
 
 /// How Newton systems are solved.
@@ -30,15 +30,15 @@ macro_rules! delegate {
 }
 
 impl NewtonSystem {
-    /// Prepares a matrix whose pattern is given as edges `(row, column)` with `row > column` between `block_count` blocks;
-    /// the diagonal is always there.
+    /// Prepares a matrix whose pattern is given as edges `(row, column)` with `row > column` between blocks; the diagonal is always
+    /// there. A direct solve is one in a subspace of each block's unknowns with these dimensions, see [`NewtonSystem::set_frames`].
     ///
     /// # Errors
     /// [`SparseError::TooLarge`] if the factor of a direct solve cannot be held.
-    pub fn new(method: Method, block_count: usize, edges: &[(u32, u32)]) -> Result<Self, SparseError> {
+    pub fn new(method: Method, dimensions: &[usize], edges: &[(u32, u32)]) -> Result<Self, SparseError> {
         Ok(match method {
-            Method::Direct => Self::Direct(Box::new(BlockCholesky::new(block_count, edges)?)),
-            Method::Iterative => Self::Iterative(Box::new(BlockConjugateGradients::new(block_count, edges))),
+            Method::Direct => Self::Direct(Box::new(BlockCholesky::new(dimensions, edges)?)),
+            Method::Iterative => Self::Iterative(Box::new(BlockConjugateGradients::new(dimensions.len(), edges))),
         })
     }
 
@@ -93,6 +93,14 @@ impl NewtonSystem {
     /// The largest entry of the diagonal.
     pub fn largest_diagonal(&self) -> f64 {
         delegate!(self, system => system.largest_diagonal())
+    }
+
+    /// Says the subspaces, each spanned by the first columns of its frame, which are orthonormal. Iterative solves are in all of space: what
+    /// leads out of a subspace must be kept at zero by the matrix itself.
+    pub fn set_frames(&mut self, frames: Vec<Mat3>) {
+        if let Self::Direct(system) = self {
+            system.set_frames(frames);
+        }
     }
 
     /// Prepares the solves with the present values.

@@ -73,7 +73,8 @@ impl<'d> Assembly<'d> {
             (0..tets.len()).flat_map(|t| (0..4).filter_map(move |v| Some((local(t, v)? as usize, (4 * t + v) as u32)))),
         );
         let edges = edges(tets, &unknown_of);
-        let mut system = NewtonSystem::new(method, free.len(), &edges)?;
+        let dimensions: Vec<usize> = free.iter().map(|&v| unknowns.dimensions(v as usize)).collect();
+        let mut system = NewtonSystem::new(method, &dimensions, &edges)?;
         let points: Vec<Vec3> = free.iter().map(|&v| domain.mesh().points()[v as usize]).collect();
         system.place(&points)?;
         let slot = |row: u32, column: u32| {
@@ -317,6 +318,8 @@ impl<'d> Assembly<'d> {
         }
         let tangents: Vec<Option<Tangent>> =
             self.free.iter().map(|&v| self.unknowns.tangent_space(v as usize, &image[v as usize])).collect();
+        let frame = |tangent: &Option<Tangent>| tangent.as_ref().map_or_else(Mat3::identity, Tangent::frame);
+        self.system.set_frames(tangents.iter().map(frame).collect());
         let starts = self.system.column_starts().to_vec();
         let rows = self.system.rows().to_vec();
         let (free, held) = (&self.free, &self.held);

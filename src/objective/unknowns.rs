@@ -32,6 +32,22 @@ pub(super) struct Tangent {
     pub sphere: Option<(Vec3, f64)>,
 }
 
+impl Tangent {
+    /// Orthonormal columns of which the first span the space. Each is the longest column of what the projection leaves, so none is
+    /// shorter than the root of a third of the dimensions left.
+    pub(super) fn frame(&self) -> Mat3 {
+        let mut rest = self.projection;
+        let mut frame = Mat3::zeros();
+        for mut axis in frame.column_iter_mut() {
+            let longest = rest.column_iter().max_by(|a, b| a.norm_squared().total_cmp(&b.norm_squared()));
+            let along = longest.expect("three columns").try_normalize(0.5).unwrap_or_else(Vec3::zeros);
+            axis.copy_from(&along);
+            rest -= along * (along.transpose() * rest);
+        }
+        frame
+    }
+}
+
 impl Unknowns {
     /// Vertices that are fixed or free.
     pub fn of_mask(fixed: &[bool]) -> Self {
@@ -56,13 +72,23 @@ impl Unknowns {
     /// The same, each vertex kept to the planes through the origin with this projection to them all, and to its sphere. One that
     /// is left no way to go is fixed.
     pub fn within(mut self, planes: &[Mat3]) -> Self {
-        for (freedom, planes) in self.freedom.iter_mut().zip(planes) {
-            let dimensions = planes.trace().round() as i64 - i64::from(*freedom == Freedom::OnSphere);
-            if dimensions <= 0 {
-                *freedom = Freedom::Fixed;
+        self.within = planes.to_vec();
+        for vertex in 0..self.vertices() {
+            if self.dimensions(vertex) == 0 {
+                self.fix(vertex);
             }
         }
-        Self { within: planes.to_vec(), ..self }
+        self
+    }
+
+    /// In how many directions a vertex may move.
+    pub(super) fn dimensions(&self, vertex: usize) -> usize {
+        let of_planes = self.within.get(vertex).map_or(3, |planes| planes.trace().round() as usize);
+        match self.of(vertex) {
+            Freedom::Fixed => 0,
+            Freedom::Free => of_planes,
+            Freedom::OnSphere => of_planes.saturating_sub(1),
+        }
     }
 
     /// Number of vertices.
@@ -137,6 +163,37 @@ impl Unknowns {
         match self.of(vertex) {
             Freedom::OnSphere => to * (from.norm() / to.norm()),
             Freedom::Fixed | Freedom::Free => to,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_span_where_a_vertex_may_move() {
+        let position = Vec3::new(0.3, -0.7, 0.2);
+        // A plane and a line through the origin that hold the position, as those of mirrors do.
+        let side = position.cross(&Vec3::x()).normalize();
+        let plane = Mat3::identity() - side * side.transpose();
+        let line = position * position.transpose() / position.norm_squared();
+        for freedom in [Freedom::Free, Freedom::OnSphere] {
+            for planes in [None, Some(Mat3::identity()), Some(plane), Some(line)] {
+                let unknowns = Unknowns::new(vec![freedom]);
+                let unknowns = planes.map_or(unknowns.clone(), |planes| unknowns.within(&[planes]));
+                let dimensions = unknowns.dimensions(0);
+                let Some(tangent) = unknowns.tangent_space(0, &position) else {
+                    assert_eq!(dimensions, 3);
+                    continue;
+                };
+                let frame = tangent.frame();
+                let basis = frame.columns(0, dimensions);
+                assert!((basis.tr_mul(&basis) - nalgebra::DMatrix::identity(dimensions, dimensions)).norm() < 1e-14);
+                if !unknowns.is_fixed(0) {
+                    assert!((basis * basis.transpose() - tangent.projection).norm() < 1e-14, "{freedom:?} {planes:?}");
+                }
+            }
         }
     }
 }

@@ -131,18 +131,19 @@ impl Damping {
     /// Shifts a system that was filled so.
     pub(super) fn shift(&self, system: &mut NewtonSystem) {
         if let Self::Edges { shift, squares } = self {
-            let shifts: Vec<f64> = squares.iter().map(|square| shift / square).collect();
-            system.shift_blocks(&shifts);
+            add_shifts(system, *shift, squares);
         }
     }
 
-    /// After a system that was not positive definite; `None` if nothing is left to try.
-    pub(super) fn more(&mut self) -> Option<()> {
+    /// After a system that was not positive definite: whether it must be filled anew, or has been shifted further; `None` if nothing is
+    /// left to try.
+    pub(super) fn more(&mut self, system: &mut NewtonSystem) -> Option<bool> {
         match self {
-            Self::Negative(share) => share.lower(),
-            Self::Edges { shift, .. } => {
+            Self::Negative(share) => share.lower().map(|()| true),
+            Self::Edges { shift, squares } => {
+                add_shifts(system, *shift * (SHIFT_FACTORS.0 - 1.0), squares);
                 *shift *= SHIFT_FACTORS.0;
-                (*shift < SHIFTS.2).then_some(())
+                (*shift < SHIFTS.2).then_some(false)
             }
         }
     }
@@ -160,13 +161,17 @@ impl Damping {
             let system = assembly.system();
             system.shift_diagonal(rounding(system.largest_diagonal()));
             self.shift(system);
-            if system.factorize().is_ok() {
-                let mut direction: Vec<f64> = gradient.iter().map(|g| -g).collect();
-                system.solve(&mut direction);
-                self.less();
-                return Some((gradient, direction));
+            loop {
+                if system.factorize().is_ok() {
+                    let mut direction: Vec<f64> = gradient.iter().map(|g| -g).collect();
+                    system.solve(&mut direction);
+                    self.less();
+                    return Some((gradient, direction));
+                }
+                if self.more(system)? {
+                    break;
+                }
             }
-            self.more()?;
         }
     }
 
@@ -177,6 +182,12 @@ impl Damping {
             Self::Edges { shift, .. } => *shift = (*shift / SHIFT_FACTORS.1).max(SHIFTS.1),
         }
     }
+}
+
+/// Adds to each vertex's rows a multiple of the identity: a number over its squared shortest edge.
+fn add_shifts(system: &mut NewtonSystem, shift: f64, squares: &[f64]) {
+    let shifts: Vec<f64> = squares.iter().map(|square| shift / square).collect();
+    system.shift_blocks(&shifts);
 }
 
 /// For each unknown the squared length of its vertex's shortest edge in the image.

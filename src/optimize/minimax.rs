@@ -1,6 +1,6 @@
 //! The largest dilatation settled region by region: few tets decide it, and only what they depend on is solved for.
 
-use super::interior_point::{Goal, Settled, interior_point_phase};
+use super::interior_point::{Goal, MOST_STEPS, Settled, interior_point_phase};
 use super::recorder::{PhaseEnd, Recorder};
 use super::region::{Region, changeable};
 use super::{KktResidual, OPTIMAL, OptimizeSettings};
@@ -40,7 +40,8 @@ pub(super) fn minimax(
         let mut assembly = Assembly::new(whole.domain(), whole.unknowns(), Method::Direct)?.leaving_openings();
         let mut iterate = assembly.at(image.to_vec());
         let rim = vec![false; whole.domain().mesh().tets().len()];
-        let settled = interior_point_phase(&mut assembly, &mut iterate, Goal::Bound, tolerance, &rim, recorder);
+        let settled =
+            interior_point_phase(&mut assembly, &mut iterate, Goal::Bound, tolerance, &rim, MOST_STEPS, recorder);
         image.copy_from_slice(iterate.image());
         let tets: Vec<TetId> = (0..rim.len() as u32).map(TetId).collect();
         recorder.multipliers = multipliers(&settled, &tets);
@@ -59,7 +60,8 @@ pub(super) fn minimax(
         let mut part = assembly.at(region.restrict(image));
         recorder.part = Some(region.part.clone());
         let rim = region.rim(whole.unknowns());
-        let settled = interior_point_phase(&mut assembly, &mut part, Goal::Bound, tolerance, &rim, recorder);
+        let settled =
+            interior_point_phase(&mut assembly, &mut part, Goal::Bound, tolerance, &rim, MOST_STEPS, recorder);
         recorder.part = None;
         region.extend(part.image(), image);
         let kkt = settled.bound.map(|bound| over_all(whole, image, bound, &settled, &region.part.tets));

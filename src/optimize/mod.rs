@@ -85,8 +85,7 @@ pub struct OptimizeSettings {
     pub engine: Engine,
     /// What follows a settled [`Objective::Max`].
     pub polish: Polish,
-    /// How far [`Polish::Mean`] may let max K rise, relative, > 0; from 0.01 on it begins with the iterate of least mean so far that lies
-    /// below that. Default: 2e-4. With 1e-3 the mean falls little further on solids with
+    /// How far [`Polish::Mean`] may let max K rise, relative, > 0. Default: 2e-4. With 1e-3 the mean falls little further on solids with
     /// fixed boundary values (cube-10k 2.564 instead of 2.57), but max K then lies above that of peers that stop 5e-4 above ours.
     pub rise: f64,
     /// Whether the boundary slides.
@@ -287,6 +286,9 @@ fn optimize_unknowns(
     }
     let polished = settings.objective == Objective::Max && settings.polish == Polish::Mean;
     recorder.reserve(if polished { POLISH_SHARE } else { 0.0 });
+    if let Some(rise) = polish::reach(assembly.free().len(), settings.rise).filter(|_| polished) {
+        recorder.keep_candidates(rise);
+    }
     // Phases look at the limit after their first step.
     let (end, kkt) = if settings.max_iterations == 0 {
         (PhaseEnd::Interrupted, None)

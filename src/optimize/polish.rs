@@ -1,7 +1,7 @@
 //! After the bottleneck: lower the mean under a cap on the largest K.
 
 use super::damping::NegativeShare;
-use super::interior_point::{Goal, OPENED, VIOLATION, interior_point_phase};
+use super::interior_point::{Goal, MOST_STEPS, OPENED, VIOLATION, interior_point_phase};
 use super::line_search::{ARMIJO, dot, line_search};
 use super::newton::LARGE;
 use super::recorder::PhaseEnd;
@@ -41,6 +41,18 @@ const TOLERANCE: f64 = 2e-4;
 /// Shares of the way from the start to the end that are tried until no K is above the cap.
 const SHARES: [f64; 8] = [1.0, 0.98, 0.95, 0.9, 0.8, 0.6, 0.4, 0.2];
 
+/// Relative rise of the largest K within which iterates before the best are tried first: on its way down the largest K takes the mean up
+/// at last, and from where they are less than that above the cap, steps are longer than along it. Not so for the barrier, which needs a start
+/// below the cap.
+const REACH: f64 = 0.01;
+/// Most steps from such a start; 7 to 16 are usual where they lead anywhere.
+const STEPS_FROM_ABOVE: usize = 20;
+
+/// How far above the best K iterates may lie that [`lower_mean`] begins with, where others than the best are any use.
+pub(super) fn reach(free: usize, rise: f64) -> Option<f64> {
+    (free <= MOST_DIRECT || rise >= REACH).then_some(rise.max(REACH))
+}
+
 /// Lowers the mean of the map of least mean under a cap on K, which lies above the least largest by `rise` relative to it, to what
 /// goes with this tolerance in ln K; the positions.
 pub(super) fn lower_mean(
@@ -51,33 +63,50 @@ pub(super) fn lower_mean(
 ) -> Result<(PhaseEnd, Vec<Vec3>), SparseError> {
     let cap = recorder.best_k * (1.0 + rise);
     let (mean_before, start) = recorder.start_below(cap);
-    let mut iterate = assembly.at(start.clone());
-    let end = if assembly.free().len() > MOST_DIRECT {
-        barrier(assembly, &mut iterate, cap.ln(), tolerance, recorder)
-    } else {
-        let mut direct = Assembly::new(assembly.domain(), assembly.unknowns(), Method::Direct)?.leaving_openings();
-        let rim = vec![false; assembly.domain().mesh().tets().len()];
-        let goal = Goal::Mean(cap.ln() - VIOLATION);
-        interior_point_phase(&mut direct, &mut iterate, goal, TOLERANCE.max(tolerance), &rim, recorder).end
-    };
     // Iterates may have violated the cap, and the energy is not quite the mean: what is not better is not kept.
-    for share in SHARES {
-        let between = start
-            .iter()
-            .zip(iterate.image())
-            .enumerate()
-            .map(|(v, (from, to))| assembly.unknowns().retract(v, from, from + (to - from) * share));
-        let trial = assembly.at(between.collect());
-        let dilatations = || trial.decompositions().iter().map(|tet| Dilatation::of_singular_values(tet.values).k());
-        let mean = dilatations().sum::<f64>() / trial.decompositions().len() as f64;
-        let turned =
-            assembly.turned_triangle(trial.image()).is_some() || assembly.opened_too_far(trial.image()) > OPENED;
-        if dilatations().all(|k| k <= cap) && mean <= mean_before && !turned {
-            recorder.record("mean", mean.ln(), share, &trial);
-            return Ok((end, trial.into_image()));
+    let kept = |assembly: &Assembly<'_>, to: &Iterate, shares: &[f64], recorder: &mut Recorder<'_>| {
+        shares.iter().find_map(|&share| {
+            let way = start.iter().zip(to.image()).enumerate();
+            let between = way.map(|(v, (from, to))| assembly.unknowns().retract(v, from, from + (to - from) * share));
+            let trial = assembly.at(between.collect());
+            let dilatations =
+                || trial.decompositions().iter().map(|tet| Dilatation::of_singular_values(tet.values).k());
+            let mean = dilatations().sum::<f64>() / trial.decompositions().len() as f64;
+            let turned =
+                assembly.turned_triangle(trial.image()).is_some() || assembly.opened_too_far(trial.image()) > OPENED;
+            let is_better = dilatations().all(|k| k <= cap) && mean <= mean_before && !turned;
+            is_better.then(|| {
+                recorder.record("mean", mean.ln(), share, &trial);
+                trial.into_image()
+            })
+        })
+    };
+    if assembly.free().len() > MOST_DIRECT {
+        let mut iterate = assembly.at(start.clone());
+        let end = barrier(assembly, &mut iterate, cap.ln(), tolerance, recorder);
+        let lowered = kept(assembly, &iterate, &SHARES, recorder);
+        return Ok((end, lowered.unwrap_or(start)));
+    }
+    let mut direct = Assembly::new(assembly.domain(), assembly.unknowns(), Method::Direct)?.leaving_openings();
+    let mut settle = |from: Vec<Vec3>, most_steps: usize, recorder: &mut Recorder<'_>| {
+        let mut iterate = direct.at(from);
+        let rim = vec![false; direct.domain().mesh().tets().len()];
+        let (goal, tolerance) = (Goal::Mean(cap.ln() - VIOLATION), TOLERANCE.max(tolerance));
+        let end = interior_point_phase(&mut direct, &mut iterate, goal, tolerance, &rim, most_steps, recorder).end;
+        (end, iterate)
+    };
+    let (_, above) = recorder.start_below(recorder.best_k * (1.0 + rise.max(REACH)));
+    if above != start {
+        let (end, iterate) = settle(above, STEPS_FROM_ABOVE, recorder);
+        // All of the way or none: where steps from above are stuck beyond the cap, those from below are not.
+        let lowered = kept(assembly, &iterate, &SHARES[..1], recorder);
+        if lowered.is_some() || end == PhaseEnd::Interrupted {
+            return Ok((end, lowered.unwrap_or(start)));
         }
     }
-    Ok((end, start))
+    let (end, iterate) = settle(start.clone(), MOST_STEPS, recorder);
+    let lowered = kept(assembly, &iterate, &SHARES, recorder);
+    Ok((end, lowered.unwrap_or(start)))
 }
 
 /// Minimises the sum of K_I + K_O (up to terms of order 1) under K <= exp(cap) for every tet, from `iterate` inside the cap.

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Objective, OptimizeSettings, Polish, StopReason, TraceRow};
+use super::{OptimizeSettings, StopReason, TraceRow};
 use crate::cancel::Cancel;
 use crate::dilatation::Dilatation;
 use crate::mesh::{TetId, Vec3};
@@ -26,8 +26,6 @@ pub(super) enum PhaseEnd {
     Interrupted,
 }
 
-/// Least relative rise of the largest K for which earlier iterates are kept: below it the last one is as good a start for the mean.
-const WORTH_KEEPING: f64 = 0.01;
 /// Part of the room below a cap that a start may use up, so that it lies inside.
 const BELOW_CAP: f64 = 0.95;
 /// Steps of the largest K, up to what it may rise to, for each of which the iterate of least mean is kept.
@@ -50,12 +48,6 @@ struct Candidate {
 }
 
 impl Candidates {
-    fn new(settings: &OptimizeSettings) -> Option<Self> {
-        let wanted = settings.objective == Objective::Max && settings.polish == Polish::Mean;
-        let (room, of_level) = (settings.rise.ln_1p(), BTreeMap::new());
-        (wanted && settings.rise >= WORTH_KEEPING).then_some(Self { room, of_level })
-    }
-
     fn offer(&mut self, max_k: f64, mean_k: f64, image: &[Vec3], best_k: f64) {
         let level = |k: f64| (k.ln() / self.room * LEVELS) as i64;
         let highest = level(best_k) + LEVELS as i64;
@@ -147,13 +139,18 @@ impl<'a> Recorder<'a> {
             best: start.image().to_vec(),
             best_k: f64::INFINITY,
             mean_of_best: f64::INFINITY,
-            candidates: Candidates::new(settings),
+            candidates: None,
             multipliers: Vec::new(),
             progress: 0.0,
             admits: true,
         };
         recorder.record("start", f64::INFINITY, 0.0, start);
         recorder
+    }
+
+    /// From now on keeps iterates from which the mean may be lowered, whose largest K may lie above the best one by this, relative.
+    pub(super) fn keep_candidates(&mut self, rise: f64) {
+        self.candidates = Some(Candidates { room: rise.ln_1p(), of_level: BTreeMap::new() });
     }
 
     /// Takes over positions and dilatations of what has changed.

@@ -33,7 +33,7 @@ const FIRST_WEIGHT: f64 = 0.1;
 const CEILING: f64 = 1.2;
 const BEYOND: f64 = 1.3;
 /// How much the mean may be expected to fall, relative: it sets the first weight where the bound is given.
-const FIRST_GAIN: f64 = 0.1;
+const FIRST_GAIN: f64 = 0.3;
 /// A constraint gets a multiplier where its slack is below the first share of the bound, and loses it above the second. At
 /// larger shares its singular value could still become a double one, see [`PrimalDual`].
 const NEAR: (f64, f64) = (0.2, 0.3);
@@ -59,7 +59,7 @@ const REACHED: f64 = 0.7;
 /// Largest violation of a given bound, in ln K.
 pub(super) const VIOLATION: f64 = 1e-5;
 /// Most Newton steps; 8 to 35 are usual, 44 the most seen where no vertex slides, 71 (tetra-10k) where they do.
-const MOST_STEPS: usize = 400;
+pub(super) const MOST_STEPS: usize = 400;
 /// Steps in a row below the second entry that end it.
 const SHORT: (usize, f64) = (6, 1e-3);
 /// Steps in a row that leave the weight as it is, after which it is lowered to this share in any case: few constraints may be
@@ -101,19 +101,20 @@ pub(super) struct Settled {
 }
 
 /// Minimises ln max K, or the mean, from `iterate` until the Karush-Kuhn-Tucker conditions hold to within `tolerance`, or until it is clear
-/// that they cannot hold beyond the tets marked in `rim`.
+/// that they cannot hold beyond the tets marked in `rim`, or for so many steps.
 pub(super) fn interior_point_phase(
     assembly: &mut Assembly<'_>,
     iterate: &mut Iterate,
     goal: Goal,
     tolerance: f64,
     rim: &[bool],
+    most_steps: usize,
     recorder: &mut Recorder<'_>,
 ) -> Settled {
     let Some(mut path) = Path::first(assembly, iterate, goal, tolerance) else {
         return Settled { end: PhaseEnd::NoProgress, bound: None, multipliers: Vec::new(), openings: Vec::new() };
     };
-    let end = path.follow(assembly, iterate, rim, recorder);
+    let end = path.follow(assembly, iterate, rim, most_steps, recorder);
     recorder.admits = true;
     let sides = |(tet, pair): (usize, &[Option<NearActive>; 2])| {
         [0, 1].map(|side| pair[side].map(|constraint| (tet, side, constraint.multiplier)))
@@ -184,6 +185,7 @@ impl Path {
         assembly: &mut Assembly<'_>,
         iterate: &mut Iterate,
         rim: &[bool],
+        most_steps: usize,
         recorder: &mut Recorder<'_>,
     ) -> PhaseEnd {
         let slides = assembly.unknowns().slides();
@@ -193,7 +195,7 @@ impl Path {
         let mut first_gap = None;
         let first_weight = self.problem.rest_weight;
         let mut length: f64 = 1.0;
-        for _ in 0..MOST_STEPS {
+        for _ in 0..most_steps {
             self.select(assembly, iterate, self.problem.rest_weight);
             let Some(rows) = self.rows(assembly, iterate) else { return PhaseEnd::NoProgress };
             let Some((system, residual)) = self.system(assembly, iterate, &rows, &mut damping) else {
@@ -335,14 +337,18 @@ impl Path {
             let system = assembly.system();
             system.shift_diagonal(rounding(system.largest_diagonal()).max(SHIFT * scale * scale));
             damping.shift(system);
-            if system.factorize().is_ok()
-                && let Some(system) =
-                    System::new(assembly, iterate, problem, rows, lagrangian, self.goal == Goal::Bound)
-            {
-                residual.dual = residual.dual.max(system.bound_gradient(problem.rest_weight).abs());
-                return Some((system, residual));
+            loop {
+                if assembly.system().factorize().is_ok()
+                    && let Some(system) =
+                        System::new(assembly, iterate, problem, rows, lagrangian.clone(), self.goal == Goal::Bound)
+                {
+                    residual.dual = residual.dual.max(system.bound_gradient(problem.rest_weight).abs());
+                    return Some((system, residual));
+                }
+                if damping.more(assembly.system())? {
+                    break;
+                }
             }
-            damping.more()?;
         }
     }
 
