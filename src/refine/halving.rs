@@ -16,7 +16,7 @@ const WORTHWHILE: f64 = 0.1;
 /// The shape of a tet, its volume over the cube of its longest edge (0.118 for the regular one), below which no halving goes,
 /// unless the tet that is halved is as bad. Thin tets at an edge of the solid may be what K sits on: with 1e-3 the cube of 100,000
 /// tets stays at K = 27.
-const WORST_SHAPE: f64 = 1e-6;
+pub(super) const WORST_SHAPE: f64 = 1e-6;
 /// Length of an edge of the surface over that of the longest of its triangles from which it is halved; else that one is, and so on. A
 /// thin triangle, one corner of which goes to the sphere, has a trace of large dilatation.
 const LONG: f64 = 0.85;
@@ -118,6 +118,10 @@ impl RefinedMap {
         let tets = self.domain.mesh().tets();
         let at = tets_at_vertices(&self.domain);
         let mut count = tets.len();
+        // Flips may have made too many.
+        if count > most_tets {
+            return None;
+        }
         let (mut halved, mut wanted) = (Vec::new(), HashSet::new());
         for &Gain { edge, .. } in gains {
             count += around(edge, tets, &at).count();
@@ -201,7 +205,7 @@ pub(super) fn edges_of(triangle: &[VertexId; 3]) -> [[VertexId; 2]; 3] {
 }
 
 /// The volume of a tet over the cube of its longest edge.
-fn shape(corners: [Vec3; 4]) -> f64 {
+pub(super) fn shape(corners: [Vec3; 4]) -> f64 {
     let edges = (0..4).flat_map(|i| (0..i).map(move |j| (i, j)));
     let longest = edges.map(|(i, j)| (corners[i] - corners[j]).norm()).fold(0.0, f64::max);
     edge_matrix(corners).determinant() / (6.0 * longest.powi(3))

@@ -12,7 +12,7 @@ use crate::measure::{Factor, NotOntoBall, OntoBall};
 use crate::mesh::{Mat3, TetId, Vec3, VertexId};
 
 /// Share of the largest K of the map onto the polyhedron below which K onto the ball is not looked at.
-const LOW: f64 = 0.5;
+pub(super) const LOW: f64 = 0.5;
 /// Share of the largest ln K onto the ball above which all factors of a tet are held, and the least and most of them that are.
 const NEAR: (f64, usize, usize) = (0.9, 2, 24);
 /// Length of an edge's image over that of the longest of its triangle from which halving it brings the triangle nearer to the sphere.
