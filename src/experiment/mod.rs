@@ -25,7 +25,7 @@ use crate::optimize::{
     Freed, OptimizeSettings, Outcome, Polish, StopReason, Tangled, TraceRow, Untangled, flipped_tets,
     free_and_optimize_one_of,
 };
-use crate::refine::{RefinedMap, refine};
+use crate::refine::{RefinedMap, Unrefined, refine};
 use crate::report::{MapRecord, RefinedFigures, Report, Times, UntanglingFigures, trace_hash};
 
 pub use error::{Fault, RunError};
@@ -292,28 +292,43 @@ fn optimized(start: &mut Start, plan: &Plan, observe: &mut dyn FnMut(&TraceRow))
             refined: None,
             changes: MeshChanges::default(),
         };
-        let Some(refinement) = &plan.refine else { return Ok(optimized) };
-        let (domain, image) = (start.domain.clone(), start.image.clone());
-        let tets_before = domain.mesh().tets().len();
-        let centre = start.centre.map(|centre| centre.position);
-        let map = refine(domain, image, optimized.outcome, settings, refinement, centre, observe)?;
-        (start.domain, start.image) = (map.domain, map.start);
-        let RefinedMap { max_k_before, end, rounds, changes, outcome, .. } = map;
-        let surface = refinement.surface;
-        let refined = Some(RefinedFigures { tets_before, surface, max_k_before, end, rounds });
-        return Ok(Optimized { outcome, refined, changes, ..optimized });
+        return refined(start, optimized, plan, settings, observe);
     }
     let flipped_before = flipped_tets(&start.domain, &start.image).len();
-    let (untangled, outcome, corners) = optimize_warped(start, plan, observe)?;
+    let timed = settings.starting_now();
+    let polish = if plan.refine.is_some() { Polish::None } else { settings.polish };
+    let first = Plan { optimize: OptimizeSettings { polish, ..timed.clone() }, ..plan.clone() };
+    let (untangled, outcome, corners) = optimize_warped(start, &first, observe)?;
     start.corners = corners;
-    Ok(Optimized {
-        untangled,
-        flipped_before,
-        refinement_splits: 0,
+    let changes = MeshChanges::default();
+    let optimized = Optimized { untangled, flipped_before, refinement_splits: 0, outcome, refined: None, changes };
+    refined(start, optimized, plan, &timed, observe)
+}
+
+/// The same after the refinement that the plan asks for, if it does.
+fn refined(
+    start: &mut Start,
+    optimized: Optimized,
+    plan: &Plan,
+    settings: &OptimizeSettings,
+    observe: &mut dyn FnMut(&TraceRow),
+) -> Result<Optimized, Fault> {
+    let Some(refinement) = &plan.refine else { return Ok(optimized) };
+    let tets_before = start.domain.mesh().tets().len();
+    let Optimized { outcome, .. } = optimized;
+    let map = Unrefined {
+        domain: start.domain.clone(),
+        start: start.image.clone(),
         outcome,
-        refined: None,
-        changes: MeshChanges::default(),
-    })
+        corners: start.corners.clone(),
+        centre: start.centre.map(|centre| centre.position),
+    };
+    let map = refine(map, settings, refinement, observe)?;
+    (start.domain, start.image, start.corners) = (map.domain, map.start, map.corners);
+    let RefinedMap { max_k_before, end, rounds, changes, outcome, .. } = map;
+    let surface = refinement.surface;
+    let refined = Some(RefinedFigures { tets_before, surface, max_k_before, end, rounds });
+    Ok(Optimized { outcome, refined, changes, ..optimized })
 }
 
 /// The stop reason of a run that was interrupted at any stage: what was to follow is not whole.

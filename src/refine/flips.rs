@@ -1,7 +1,7 @@
 //! Flips where K is large, before edges are halved there: they cost no tets.
 
 use super::RefinedMap;
-use super::halving::{WORST_SHAPE, shape};
+use super::halving::{WORST_SHAPE, corner_vertices, shape};
 use super::surface::Held;
 use crate::dilatation::Dilatation;
 use crate::domain::{Domain, edge_matrix};
@@ -22,14 +22,19 @@ impl RefinedMap {
         let (domain, image) = (&self.domain, &self.outcome.positions);
         let mesh = domain.mesh();
         let ids = || (0..mesh.tets().len() as u32).map(TetId);
-        let onto = if surface { Some(OntoBall::new(domain, None, image).ok()?) } else { None };
+        let onto = if surface { Some(OntoBall::new(domain, self.corners.as_ref(), image).ok()?) } else { None };
         let logs: Vec<f64> = match &onto {
-            Some(_) => Held::of(domain, image).ok()?.logs,
+            Some(_) => Held::of(domain, self.corners.as_ref(), image).ok()?.logs,
             None => Iterate::new(domain, image.clone()).log_dilatations()?,
         };
         let largest = logs.iter().copied().fold(0.0, f64::max);
         let low = super::surface::LOW * largest.exp();
+        let corners = corner_vertices(self.corners.as_ref());
         let worth = |tet: &[VertexId; 4], below: f64| {
+            // Corner elements are no linear maps.
+            if tet.iter().any(|v| corners.contains(v)) {
+                return None;
+            }
             let on = |positions: &[Vec3]| tet.map(|v| positions[v.index()]);
             let is_positive = |positions: &[Vec3]| orientation(on(positions).each_ref()) == Orientation::Positive;
             let rest = on(mesh.points());

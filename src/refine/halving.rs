@@ -6,6 +6,7 @@ use super::gain::{self, Gain, Large};
 use super::surface::{Held, Middles};
 use super::{RefineEnd, RefinedMap, around, pair, tets_at_vertices};
 use crate::domain::{Afterwards, Domain, edge_matrix};
+use crate::map::Corners;
 use crate::mesh::{Mat3, Subdivision, TetId, Vec3, VertexId};
 use crate::objective::Iterate;
 use crate::optimize::flipped_tets;
@@ -24,6 +25,8 @@ const LONG: f64 = 0.85;
 /// The mesh after a round's halvings.
 pub(super) struct Halves {
     pub domain: Domain,
+    /// Its corner elements.
+    pub corners: Option<Corners>,
     /// The ends of the edges, in this order.
     pub edges: Vec<[VertexId; 2]>,
     /// The map that was lowered last, on it.
@@ -37,7 +40,7 @@ impl RefinedMap {
     pub(super) fn gains(&self, early: bool, middles: &Middles) -> Vec<Gain> {
         let (domain, positions) = (&self.domain, &self.outcome.positions);
         // Maps that come here have no flipped tet.
-        let held = if middles.of_surface { Held::of(domain, positions).ok() } else { None };
+        let held = if middles.of_surface { Held::of(domain, self.corners.as_ref(), positions).ok() } else { None };
         let plain = || Iterate::new(domain, positions.clone()).log_dilatations();
         let Some(logs) = held.as_ref().map(|held| held.logs.clone()).or_else(plain) else { return Vec::new() };
         let factors: &[Vec<(Mat3, Afterwards)>] = held.as_ref().map_or(&[], |held| &held.factors);
@@ -46,7 +49,11 @@ impl RefinedMap {
         let at = tets_at_vertices(domain);
         let surface = SurfaceEdges::of(domain);
         let keeps_shape = |edge| self.keeps_shape(around(edge, tets, &at), edge);
-        let mut gains = gain::gains(&large, &at, &|edge| !surface.contains(edge) && keeps_shape(edge));
+        // The part of an edge at a corner is an element of its own, by which nothing is gained: the map is like a power there on all scales.
+        let corners = corner_vertices(self.corners.as_ref());
+        let is_at_corner = |edge: [VertexId; 2]| edge.iter().any(|v| corners.contains(v));
+        let mut gains =
+            gain::gains(&large, &at, &|edge| !surface.contains(edge) && !is_at_corner(edge) && keeps_shape(edge));
         if let Some(held) = &held {
             let mut of_surface: BTreeMap<[VertexId; 2], f64> = BTreeMap::new();
             for (edge, gain) in held.gains(&large) {
@@ -96,7 +103,9 @@ impl RefinedMap {
                 if middles.of_surface { carried.clone() } else { middles.extended(&domain, &edges, best.to_vec()) };
             let flipped = flipped_tets(&domain, &carried);
             if flipped.is_empty() && flipped_tets(&domain, &best).is_empty() {
-                return Ok(Halves { domain, edges, carried, best });
+                let corners = self.corners.as_ref().map(|corners| corners.around(&domain)).transpose();
+                let corners = corners.map_err(|_| RefineEnd::NoEdge)?;
+                return Ok(Halves { domain, corners, edges, carried, best });
             }
             // Two middles on the sphere may turn over a tet that one of them leaves upright.
             let before = self.domain.mesh().points().len();
@@ -159,6 +168,12 @@ impl RefinedMap {
             })
         })
     }
+}
+
+/// The corners of a map that are not linear.
+pub(super) fn corner_vertices(corners: Option<&Corners>) -> HashSet<VertexId> {
+    let exponents = corners.map(Corners::exponents).unwrap_or_default();
+    exponents.into_iter().filter(|(_, exponent)| *exponent != 1.0).map(|(v, _)| v).collect()
 }
 
 /// The edges of the surface, with their triangles.

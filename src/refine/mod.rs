@@ -27,6 +27,7 @@ use serde::{Deserialize, Serialize};
 use self::surface::Held;
 use crate::bound::{BoundaryImage, LowerBound, best_applicable, edge_ratio, trace, vertex};
 use crate::domain::Domain;
+use crate::map::Corners;
 use crate::measure::measure;
 use crate::mesh::{BoundaryEdges, MeshChanges, TetId, Vec3, VertexId};
 use crate::optimize::{
@@ -79,6 +80,21 @@ pub struct Round {
     pub max_k: f64,
 }
 
+/// A map that was optimized on a mesh that is to be refined for it.
+#[derive(Clone, Debug)]
+pub struct Unrefined {
+    /// The domain.
+    pub domain: Domain,
+    /// The map that was optimized.
+    pub start: Vec<Vec3>,
+    /// What came of it, without a polish, which comes at the end, but not where the surface is refined.
+    pub outcome: Outcome,
+    /// Corner elements of the map, the tets around corners, where the surface is refined; `None` for a map that is piecewise linear.
+    pub corners: Option<Corners>,
+    /// The centre of a start whose boundary map is radial.
+    pub centre: Option<Vec3>,
+}
+
 /// A map on a mesh that was refined for it.
 #[derive(Clone, Debug)]
 pub struct RefinedMap {
@@ -89,6 +105,8 @@ pub struct RefinedMap {
     pub start: Vec<Vec3>,
     /// The map, with the rows of all rounds.
     pub outcome: Outcome,
+    /// Its corner elements, with the exponents that they had.
+    pub corners: Option<Corners>,
     /// The edges that were halved and the tets that were flipped.
     pub changes: MeshChanges,
     /// The largest K before the first of them, on the mesh as it was; `None` where the map was not settled.
@@ -114,28 +132,24 @@ pub fn unchanging_bound(domain: &Domain, image: &[Vec3]) -> Option<LowerBound> {
 }
 
 /// Refines a mesh about the tets that hold the largest K of a map that was optimized on it, round by round, and settles it again; the
-/// boundary's vertices are fixed, or slide on the sphere where the surface is refined. `outcome` is that of an optimization from `start`
-/// without a polish, which comes here at the end, but not where the surface is refined; `centre` is that of a start whose boundary map is
-/// radial.
+/// boundary's vertices are fixed, or slide on the sphere where the surface is refined.
 ///
 /// The result is the same to the bit for any number of threads.
 ///
 /// # Errors
 /// As [`crate::optimize()`]; a map that is not onto the ball where the surface is to be refined.
 pub fn refine(
-    domain: Domain,
-    start: Vec<Vec3>,
-    outcome: Outcome,
+    map: Unrefined,
     settings: &OptimizeSettings,
     refinement: &RefineSettings,
-    centre: Option<Vec3>,
     observe: &mut dyn FnMut(&TraceRow),
 ) -> Result<RefinedMap, OptimizeError> {
+    let Unrefined { domain, start, outcome, corners, centre } = map;
     let tets_before = domain.mesh().tets().len();
     let budget = refinement.tets.of(tets_before);
     let (changes, rounds) = (MeshChanges::default(), Vec::new());
     let mut refined =
-        RefinedMap { domain, start, outcome, changes, max_k_before: None, rounds, end: RefineEnd::NotSettled };
+        RefinedMap { domain, start, outcome, corners, changes, max_k_before: None, rounds, end: RefineEnd::NotSettled };
     if !matches!(refined.outcome.stop, StopReason::Optimal | StopReason::Converged | StopReason::NoProgress) {
         return Ok(refined);
     }
@@ -191,6 +205,7 @@ pub fn refine(
                 if let Some(before) = before {
                     refined.changes.flips.pop();
                     refined.domain = before;
+                    refined.corners = refined.corners.and_then(|corners| corners.around(&refined.domain).ok());
                 }
                 break end;
             }
@@ -198,7 +213,7 @@ pub fn refine(
         let edges = halves.edges.len();
         let flipped = refined.changes.flips.last().filter(|_| before.is_some()).map_or(0, |flips| flips.old.len());
         refined.start = middles.extended_start(&halves.domain, &halves.edges, std::mem::take(&mut refined.start));
-        refined.domain = halves.domain;
+        (refined.domain, refined.corners) = (halves.domain, halves.corners);
         refined.changes.halved.extend(halves.edges);
         best = halves.best;
         if surface {
@@ -238,13 +253,16 @@ impl RefinedMap {
     fn flip(&mut self, best: &[Vec3], reached: f64, surface: bool) -> Option<Domain> {
         let (domain, flips) = self.flipped(best, reached, surface)?;
         self.changes.flips.push(flips);
-        Some(std::mem::replace(&mut self.domain, domain))
+        let before = std::mem::replace(&mut self.domain, domain);
+        // No tet at a corner is flipped, but their numbers are others.
+        self.corners = self.corners.take().and_then(|corners| corners.around(&self.domain).ok());
+        Some(before)
     }
 
     /// The largest K of a map, onto the ball if that is asked for, and then as far as points of the tets tell.
     fn max_k(&self, positions: &[Vec3], onto_ball: bool) -> f64 {
         if onto_ball {
-            Held::of(&self.domain, positions).map_or(f64::INFINITY, |held| held.k())
+            Held::of(&self.domain, self.corners.as_ref(), positions).map_or(f64::INFINITY, |held| held.k())
         } else {
             measure(&self.domain, positions).summary.max_k
         }
@@ -258,7 +276,7 @@ impl RefinedMap {
         settings: &OptimizeSettings,
         observe: &mut dyn FnMut(&TraceRow),
     ) -> Result<(), OptimizeError> {
-        let warped = Warped { domain: &self.domain, corners: None, mirrors: None, onto_ball: true };
+        let warped = Warped { domain: &self.domain, corners: self.corners.as_ref(), mirrors: None, onto_ball: true };
         let done = self.outcome.trace.len();
         let mut told = |row: &TraceRow| observe(&TraceRow { round, ..row.clone() });
         let settled = Outcome { positions, ..self.outcome.clone() };

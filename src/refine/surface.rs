@@ -8,6 +8,7 @@ use super::gain::{Large, half};
 use super::halving::edges_of;
 use crate::dilatation::Dilatation;
 use crate::domain::{Afterwards, Domain};
+use crate::map::Corners;
 use crate::measure::{Factor, NotOntoBall, OntoBall};
 use crate::mesh::{Mat3, TetId, Vec3, VertexId};
 
@@ -99,10 +100,18 @@ pub(super) struct Held {
 
 impl Held {
     /// Looks at a map.
-    pub fn of(domain: &Domain, image: &[Vec3]) -> Result<Self, NotOntoBall> {
-        let onto = OntoBall::new(domain, None, image)?;
+    pub fn of(domain: &Domain, corners: Option<&Corners>, image: &[Vec3]) -> Result<Self, NotOntoBall> {
+        let onto = OntoBall::new(domain, corners, image)?;
         let tets = (0..domain.mesh().tets().len() as u32).into_par_iter().map(TetId);
-        let plain: Vec<f64> = tets.clone().map(|tet| Dilatation::of(&domain.jacobian(tet, image)).k()).collect();
+        let plain = |tet: TetId| {
+            let jacobian = domain.jacobian(tet, image);
+            let warp = corners.and_then(|corners| corners.warp(tet));
+            warp.map_or_else(
+                || Dilatation::of(&jacobian),
+                |warp| warp.dilatation(&jacobian, domain.mesh().corners(tet)),
+            )
+        };
+        let plain: Vec<f64> = tets.clone().map(|tet| plain(tet).k()).collect();
         let low = LOW * plain.iter().copied().fold(1.0, f64::max);
         let all: Vec<Vec<Factor>> = tets
             .map(|tet| {

@@ -16,11 +16,16 @@ fn cube(subdivisions: u32) -> (Domain, Vec<Vec3>, Outcome) {
     (domain, start, outcome)
 }
 
+fn unrefined(domain: Domain, start: Vec<Vec3>, outcome: Outcome, centre: Option<Vec3>) -> Unrefined {
+    Unrefined { domain, start, outcome, corners: None, centre }
+}
+
 fn refined(refinement: &RefineSettings) -> (Domain, f64, RefinedMap) {
     let (domain, start, outcome) = cube(2);
     let before = measure(&domain, &outcome.positions).summary.max_k;
     let map =
-        refine(domain.clone(), start, outcome, &OptimizeSettings::default(), refinement, None, &mut |_| {}).unwrap();
+        refine(unrefined(domain.clone(), start, outcome, None), &OptimizeSettings::default(), refinement, &mut |_| {})
+            .unwrap();
     (domain, before, map)
 }
 
@@ -72,7 +77,7 @@ fn flips_lower_k_where_they_are_made_and_keep_the_room() {
     let measured = |domain: &Domain| measure(domain, &image);
     let before = measured(&domain);
     let (changes, rounds, end) = (MeshChanges::default(), Vec::new(), RefineEnd::Rounds);
-    let map = RefinedMap { domain, start, outcome, changes, max_k_before: None, rounds, end };
+    let map = RefinedMap { domain, start, outcome, corners: None, changes, max_k_before: None, rounds, end };
     for surface in [false, true] {
         let (flipped, flips) = map.flipped(&image, before.summary.max_k, surface).unwrap();
         let after = measured(&flipped);
@@ -108,7 +113,8 @@ fn it_ends_where_it_is_told_to_and_the_same_on_any_number_of_threads() {
     let (domain, start, outcome) = cube(2);
     let cancelled = OptimizeSettings::default();
     cancelled.cancel.raise();
-    let map = refine(domain, start, outcome, &cancelled, &RefineSettings::default(), None, &mut |_| {}).unwrap();
+    let map =
+        refine(unrefined(domain, start, outcome, None), &cancelled, &RefineSettings::default(), &mut |_| {}).unwrap();
     assert_eq!((map.end, map.rounds.len()), (RefineEnd::NotSettled, 0));
 }
 
@@ -117,7 +123,7 @@ fn a_start_that_could_not_be_untangled_is_left_as_it_is() {
     let (domain, start, _) = cube(2);
     let settings = OptimizeSettings::default();
     let outcome = Outcome::still_flipped(start.clone(), &settings);
-    let map = refine(domain, start, outcome, &settings, &RefineSettings::default(), None, &mut |_| {});
+    let map = refine(unrefined(domain, start, outcome, None), &settings, &RefineSettings::default(), &mut |_| {});
     assert_eq!(map.unwrap().end, RefineEnd::NotSettled);
 }
 
@@ -130,7 +136,7 @@ fn with_the_surface_the_solid_stays_and_k_onto_the_ball_falls() {
     let settings = OptimizeSettings::default();
     let refined = |outcome: &Outcome| {
         let (domain, start, outcome) = (domain.clone(), start.clone(), outcome.clone());
-        refine(domain, start, outcome, &settings, &refinement, Some(centre), &mut |_| {}).unwrap()
+        refine(unrefined(domain, start, outcome, Some(centre)), &settings, &refinement, &mut |_| {}).unwrap()
     };
     let map = refined(&outcome);
     // What the rounds tell is at points of the tets, so below what is certified.
@@ -174,7 +180,7 @@ fn middles_slide_on_the_sphere_with_a_boundary_that_slides() {
     let (domain, start, outcome) = cube(1);
     let refinement = RefineSettings { rounds: 4, tets: Budget::Share(3.0), ..RefineSettings::of_surface() };
     let settings = OptimizeSettings { boundary_values: BoundaryValues::Sliding, ..OptimizeSettings::default() };
-    let map = refine(domain, start, outcome, &settings, &refinement, None, &mut |_| {}).unwrap();
+    let map = refine(unrefined(domain, start, outcome, None), &settings, &refinement, &mut |_| {}).unwrap();
     assert!(!map.rounds.is_empty());
     let on_sphere = map.domain.boundary().vertex_mask().iter().zip(&map.outcome.positions).filter(|(on, _)| **on);
     for (_, image) in on_sphere {

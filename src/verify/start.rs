@@ -92,7 +92,7 @@ pub(super) fn again(files: &Files, findings: &mut Findings) -> Option<Again> {
         return Some(as_told(source));
     }
     let start = match make(&plan, files, unrefined, findings) {
-        Ok(start) => start.told_by(&report.map.map),
+        Ok(start) => start.told_by(&report.map.map).with_exponents_of(files.corners.as_ref()),
         Err(error) => {
             findings.found(format!("the config makes no start: {error}"));
             return Some(as_told(source));
