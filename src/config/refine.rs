@@ -5,7 +5,7 @@ use serde::Deserialize;
 
 use super::error::Fault;
 use super::limits::{positive, whole};
-use super::{Config, InitialMap, ObjectiveName};
+use super::{Config, InitialMap, MeshKind, ObjectiveName};
 use crate::map::CornerChoice;
 use crate::optimize::BoundaryValues;
 use crate::refine::{Budget, RefineSettings};
@@ -103,7 +103,16 @@ pub(super) fn plan(
             "refine.surface = true, or no boundary.values",
         ),
         (config.optimize.symmetric, "refinement knows nothing of mirror planes", "no optimize.symmetric"),
-        (*corners != CornerChoice::Linear, "only piecewise-linear maps can be refined", "no boundary.corners"),
+        (
+            *corners != CornerChoice::Linear && !surface,
+            "refinement inside alone is of piecewise-linear maps",
+            "refine.surface = true, or no boundary.corners",
+        ),
+        (
+            *corners != CornerChoice::Linear && surface && config.mesh.kind == MeshKind::Flag,
+            "the cones of flags cannot be refined",
+            "another mesh.kind, or no boundary.corners",
+        ),
         (
             surface && map.is_none(),
             "`refine.surface` is for `qcball run`, which knows the solid and its boundary map",

@@ -434,6 +434,7 @@ fn refinement_is_off_without_rounds_and_refused_where_it_cannot_be() {
     assert_eq!(refine(&["refine.rounds=3", "refine.tets=200"]).tets, Budget::Tets(200));
     let sliding = ["refine.surface=true", "boundary.values=\"sliding\""];
     assert_eq!(refine(&sliding), RefineSettings { rounds: 12, tets: Budget::Share(6.0), until: 0.02, surface: true });
+    assert!(refine(&["refine.surface=true", "boundary.corners=\"power\""]).surface);
     for (overrides, word) in [
         (&["refine.rounds=-1"][..], "refine.rounds"),
         (&["refine.tets=\"many\""], "5 %"),
@@ -446,8 +447,9 @@ fn refinement_is_off_without_rounds_and_refused_where_it_cannot_be() {
         (&["refine.rounds=3", "boundary.values=\"sliding\""], "slide"),
         (
             &["refine.rounds=3", "boundary.values=\"sliding\"", "boundary.corners=1.5"],
-            "slide here; only piecewise-linear",
+            "slide here; refinement inside alone",
         ),
+        (&["refine.surface=true", "boundary.corners=1.5", "mesh.kind=\"flag\""], "cones of flags"),
     ] {
         let message = refusal(cube, overrides);
         assert!(message.contains(word), "{overrides:?}: {message}");

@@ -20,12 +20,12 @@ use crate::domain::Domain;
 use crate::map::Corners;
 use crate::measure::Measured;
 use crate::mesh::io::shown_path;
-use crate::mesh::{TetId, Unit, Vec3, VertexId};
+use crate::mesh::{MeshChanges, TetId, Unit, Vec3};
 use crate::optimize::{
     Freed, OptimizeSettings, Outcome, Polish, StopReason, Tangled, TraceRow, Untangled, flipped_tets,
     free_and_optimize_one_of,
 };
-use crate::refine::{RefinedMap, refine};
+use crate::refine::{RefinedMap, Unrefined, refine};
 use crate::report::{MapRecord, RefinedFigures, Report, Times, UntanglingFigures, trace_hash};
 
 pub use error::{Fault, RunError};
@@ -51,8 +51,8 @@ struct Optimized {
     refinement_splits: usize,
     outcome: Outcome,
     refined: Option<RefinedFigures>,
-    /// The ends of the edges that refinement halved, in this order.
-    halved: Vec<[VertexId; 2]>,
+    /// What refinement did to the mesh.
+    changes: MeshChanges,
 }
 
 /// Everything a run leaves behind.
@@ -64,8 +64,8 @@ pub struct Finished {
     pub domain: Domain,
     /// The corners of the map, with their exponents; `None` where it is piecewise linear.
     pub corners: Option<Corners>,
-    /// The ends of the edges that refinement halved, in this order.
-    pub halved: Vec<[VertexId; 2]>,
+    /// What refinement did to the mesh.
+    pub changes: MeshChanges,
     /// Image positions started from.
     pub initial: Vec<Vec3>,
     /// The optimised positions and the trace.
@@ -88,7 +88,7 @@ impl Finished {
         MapRecord {
             domain: &self.domain,
             corners: self.corners.as_ref(),
-            halved: &self.halved,
+            changes: &self.changes,
             initial: &self.initial,
             image: &self.outcome.positions,
             measured_initial: &self.measured_initial,
@@ -207,7 +207,7 @@ fn stages(plan: &Plan, tell: &mut dyn FnMut(Event)) -> Result<Finished, RunError
     let cancel = &plan.optimize.cancel;
     let mut start = Start::of(plan)?;
     tell(Event::Stage(Stage::Optimizing));
-    let Optimized { untangled, flipped_before, refinement_splits, outcome, refined, halved } =
+    let Optimized { untangled, flipped_before, refinement_splits, outcome, refined, changes } =
         optimized(&mut start, plan, &mut |row| tell(Event::Row(row))).map_err(RunError::at(&start.origin.clone()))?;
     tell(Event::Stage(Stage::Measuring));
     let domain = &start.domain;
@@ -251,7 +251,7 @@ fn stages(plan: &Plan, tell: &mut dyn FnMut(Event)) -> Result<Finished, RunError
         report,
         domain,
         corners,
-        halved,
+        changes,
         initial,
         outcome,
         measured_initial,
@@ -284,23 +284,51 @@ fn optimized(start: &mut Start, plan: &Plan, observe: &mut dyn FnMut(&TraceRow))
         let (freed, outcome) = free_and_optimize_one_of(start, &others, tangled, &first, observe)?;
         start.take_freed(&freed);
         let Freed { untangled, flipped_before, refinement_splits, .. } = freed;
-        let optimized =
-            Optimized { untangled, flipped_before, refinement_splits, outcome, refined: None, halved: Vec::new() };
-        let Some(refinement) = &plan.refine else { return Ok(optimized) };
-        let (domain, image) = (start.domain.clone(), start.image.clone());
-        let tets_before = domain.mesh().tets().len();
-        let centre = start.centre.map(|centre| centre.position);
-        let map = refine(domain, image, optimized.outcome, settings, refinement, centre, observe)?;
-        (start.domain, start.image) = (map.domain, map.start);
-        let RefinedMap { max_k_before, end, rounds, halved, outcome, .. } = map;
-        let surface = refinement.surface;
-        let refined = Some(RefinedFigures { tets_before, surface, max_k_before, end, rounds });
-        return Ok(Optimized { outcome, refined, halved, ..optimized });
+        let optimized = Optimized {
+            untangled,
+            flipped_before,
+            refinement_splits,
+            outcome,
+            refined: None,
+            changes: MeshChanges::default(),
+        };
+        return refined(start, optimized, plan, settings, observe);
     }
     let flipped_before = flipped_tets(&start.domain, &start.image).len();
-    let (untangled, outcome, corners) = optimize_warped(start, plan, observe)?;
+    let timed = settings.starting_now();
+    let polish = if plan.refine.is_some() { Polish::None } else { settings.polish };
+    let first = Plan { optimize: OptimizeSettings { polish, ..timed.clone() }, ..plan.clone() };
+    let (untangled, outcome, corners) = optimize_warped(start, &first, observe)?;
     start.corners = corners;
-    Ok(Optimized { untangled, flipped_before, refinement_splits: 0, outcome, refined: None, halved: Vec::new() })
+    let changes = MeshChanges::default();
+    let optimized = Optimized { untangled, flipped_before, refinement_splits: 0, outcome, refined: None, changes };
+    refined(start, optimized, plan, &timed, observe)
+}
+
+/// The same after the refinement that the plan asks for, if it does.
+fn refined(
+    start: &mut Start,
+    optimized: Optimized,
+    plan: &Plan,
+    settings: &OptimizeSettings,
+    observe: &mut dyn FnMut(&TraceRow),
+) -> Result<Optimized, Fault> {
+    let Some(refinement) = &plan.refine else { return Ok(optimized) };
+    let tets_before = start.domain.mesh().tets().len();
+    let Optimized { outcome, .. } = optimized;
+    let map = Unrefined {
+        domain: start.domain.clone(),
+        start: start.image.clone(),
+        outcome,
+        corners: start.corners.clone(),
+        centre: start.centre.map(|centre| centre.position),
+    };
+    let map = refine(map, settings, refinement, observe)?;
+    (start.domain, start.image, start.corners) = (map.domain, map.start, map.corners);
+    let RefinedMap { max_k_before, end, rounds, changes, outcome, .. } = map;
+    let surface = refinement.surface;
+    let refined = Some(RefinedFigures { tets_before, surface, max_k_before, end, rounds });
+    Ok(Optimized { outcome, refined, changes, ..optimized })
 }
 
 /// The stop reason of a run that was interrupted at any stage: what was to follow is not whole.

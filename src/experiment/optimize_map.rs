@@ -12,7 +12,7 @@ use crate::measure::measure_onto_ball_until;
 use crate::mesh::io::{CellData, ReadError, TetFile, read_tet_file, read_tets, shown_path};
 use crate::mesh::{TetMesh, TetSoup, Unit, Vec3, full_boundary};
 use crate::optimize::{BoundaryValues, Freed, OptimizeSettings, Polish, Tangled, TraceRow};
-use crate::refine::{RefineSettings, RefinedMap, refine};
+use crate::refine::{RefineSettings, RefinedMap, Unrefined, refine};
 use crate::report::{BallFigures, MapReport, RefinedFigures, Splits, Times, UntanglingFigures};
 
 /// A map given by two files: a mesh and the same mesh with moved vertices.
@@ -171,7 +171,8 @@ pub fn optimize_map(
     let mut refined = None;
     if let Some(refinement) = refinement {
         let tets_before = domain.mesh().tets().len();
-        let map = refine(domain, start, outcome, &timed, refinement, None, observe)?;
+        let map = Unrefined { domain, start, outcome, corners: None, centre: None };
+        let map = refine(map, &timed, refinement, observe)?;
         let RefinedMap { max_k_before, end, rounds, .. } = map;
         (domain, start, outcome) = (map.domain, map.start, map.outcome);
         let surface = refinement.surface;

@@ -2,6 +2,7 @@
 
 mod instead;
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::corners::{Flags, corners};
@@ -16,7 +17,9 @@ use crate::domain::Domain;
 use crate::map::{AnalyticMap, Corners, RadialCoordinates, RayEnd, SphericalStarts, caraman, spherical_starts};
 use crate::measure::{Measured, measure_onto_ball_until, measure_warped_onto_ball};
 use crate::mesh::io::{ReadError, SolidFile, read_solid, read_surface, shown_path};
-use crate::mesh::{Orientation, PolygonSoup, Subdivision, TetMesh, TetSoup, Unit, Vec3, VertexId, orientation};
+use crate::mesh::{
+    MeshChanges, Orientation, PolygonSoup, Subdivision, TetMesh, TetSoup, Unit, Vec3, VertexId, orientation,
+};
 use crate::refine::Middles;
 use crate::report::{MapFigures, RefinementFigures, Splits};
 use crate::solid::{
@@ -397,21 +400,33 @@ impl Start {
         }
     }
 
-    /// The same with edges halved in this order by refinement, of the surface or inside alone.
+    /// The same on the mesh as refinement changed it, of the surface or inside alone.
     ///
     /// # Errors
-    /// What is no edge, or a half that rounding made flat.
-    pub fn halved(self, edges: &[[VertexId; 2]], of_surface: bool) -> Result<Self, String> {
-        if edges.is_empty() {
+    /// What is no edge, or no tet that could be flipped, or a tet that rounding made flat.
+    pub fn changed(self, changes: &MeshChanges, of_surface: bool) -> Result<Self, String> {
+        if changes.is_empty() {
             return Ok(self);
         }
         let mut subdivision = Subdivision::of(self.domain.mesh());
-        subdivision.halve(edges).map_err(|[a, b]| format!("there is no edge from vertex {} to {}", a.0, b.0))?;
+        subdivision.change(changes)?;
         let mesh = subdivision.mesh().map_err(|error| error.to_string())?;
         let domain = Domain::new(mesh).map_err(|error| error.to_string())?;
         let middles = Middles { of_surface, centre: self.centre.map(|centre| centre.position) };
-        let image = middles.extended_start(&domain, edges, self.image);
-        Ok(Self { domain, image, ..self })
+        let image = middles.extended_start(&domain, &changes.halved, self.image);
+        let corners = self.corners.map(|corners| corners.around(&domain)).transpose();
+        let corners = corners.map_err(|error| error.to_string())?;
+        Ok(Self { domain, image, corners, ..self })
+    }
+
+    /// The same with the exponents that a map of it has, at the corners of both.
+    pub fn with_exponents_of(self, other: Option<&Corners>) -> Self {
+        let exponents: BTreeMap<VertexId, f64> =
+            other.map(Corners::exponents).unwrap_or_default().into_iter().collect();
+        let own: BTreeMap<VertexId, f64> =
+            self.corners.as_ref().map(Corners::exponents).unwrap_or_default().into_iter().collect();
+        let exponent = |v: VertexId| exponents.get(&v).copied().unwrap_or(own[&v]);
+        Self { corners: self.corners.map(|corners| corners.with_exponents(exponent)), ..self }
     }
 
     /// A map in closed form, of the vertices as they were given.

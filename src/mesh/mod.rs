@@ -8,6 +8,7 @@ mod collar;
 mod features;
 #[cfg(test)]
 pub(crate) mod fixtures;
+mod flip;
 mod full_boundary;
 #[cfg(feature = "files")]
 pub mod io;
@@ -27,6 +28,8 @@ pub use boundary_edges::{BoundaryEdge, BoundaryEdges};
 pub use cells::Cells;
 pub use collar::collar;
 pub use features::{Features, SHARP};
+pub(crate) use flip::Flipping;
+pub use flip::{Flips, MeshChanges};
 pub use full_boundary::full_boundary;
 pub use mirrors::Mirrors;
 pub use place::Place;

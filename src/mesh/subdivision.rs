@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::{MeshError, TetMesh, Vec3, VertexId};
+use super::{MeshChanges, MeshError, TetMesh, Vec3, VertexId};
 
 /// A mesh under splits of edges and faces: old vertices keep their numbers, new ones follow, each the mean of a simplex that
 /// was split. Tets are replaced where they stood, and the rest of each appended, so that splits elsewhere leave them alone.
@@ -39,11 +39,23 @@ impl Subdivision {
         self.face_splits += self.split_all(usize::MAX, wanted, |_, _| 0.0);
     }
 
-    /// Halves edges in this order, each of the mesh as it is then.
+    /// Changes the mesh as refinement did, each halving and flip that of the mesh as it is then.
     ///
     /// # Errors
-    /// The first that is no edge.
-    pub fn halve(&mut self, edges: &[[VertexId; 2]]) -> Result<(), [VertexId; 2]> {
+    /// The first that cannot be made, in words.
+    pub fn change(&mut self, changes: &MeshChanges) -> Result<(), String> {
+        let mut halved = 0;
+        for flips in &changes.flips {
+            let edges = changes.halved.get(halved..flips.after);
+            self.halve(edges.ok_or("flips are not in their order, or come after more halvings than there are")?)?;
+            flips.make(&mut self.tets)?;
+            halved = flips.after;
+        }
+        self.halve(&changes.halved[halved..])
+    }
+
+    /// Halves edges in this order, each of the mesh as it is then.
+    fn halve(&mut self, edges: &[[VertexId; 2]]) -> Result<(), String> {
         // The tets at each vertex, and some that were.
         let mut at: Vec<Vec<usize>> = vec![Vec::new(); self.points.len()];
         for (index, tet) in self.tets.iter().enumerate() {
@@ -51,10 +63,11 @@ impl Subdivision {
         }
         for edge in edges {
             let around = at.get(edge[0].index()).into_iter().flatten().copied();
-            let tets: Vec<usize> = around.filter(|&tet| edge.iter().all(|v| self.tets[tet].contains(v))).collect();
+            let mut tets: Vec<usize> = around.filter(|&tet| edge.iter().all(|v| self.tets[tet].contains(v))).collect();
             if tets.is_empty() || edge[0] == edge[1] {
-                return Err(*edge);
+                return Err(format!("there is no edge from vertex {} to {}", edge[0].0, edge[1].0));
             }
+            tets.sort_unstable();
             let before = self.tets.len();
             self.split(edge, &tets);
             self.edge_splits += 1;
@@ -66,18 +79,25 @@ impl Subdivision {
         Ok(())
     }
 
-    /// The mesh before [`Subdivision::halve`] halved these edges; `None` where it cannot have come from one so.
-    pub fn before(mesh: &TetMesh, edges: &[[VertexId; 2]]) -> Option<TetMesh> {
+    /// The mesh before [`Subdivision::change`] made these changes; `None` where it cannot have come from one so.
+    pub fn before(mesh: &TetMesh, changes: &MeshChanges) -> Option<TetMesh> {
         let (mut points, mut tets) = (mesh.points().to_vec(), mesh.tets().to_vec());
-        for [replaced, _] in edges.iter().rev() {
+        let mut flips = changes.flips.iter().rev().peekable();
+        for (index, [replaced, _]) in changes.halved.iter().enumerate().rev() {
+            while let Some(flips) = flips.next_if(|flips| flips.after == index + 1) {
+                flips.undo(&mut tets)?;
+            }
             points.pop()?;
             let middle = VertexId(points.len() as u32);
             let halves = tets.iter().filter(|tet| tet.contains(&middle)).count();
             tets.truncate(tets.len() - halves / 2);
             tets.iter_mut().flatten().filter(|v| **v == middle).for_each(|v| *v = *replaced);
         }
+        while let Some(flips) = flips.next_if(|flips| flips.after == 0) {
+            flips.undo(&mut tets)?;
+        }
         let there = |v: &VertexId| v.index() < points.len();
-        if !tets.iter().flatten().all(there) {
+        if flips.next().is_some() || !tets.iter().flatten().all(there) {
             return None;
         }
         TetMesh::new(points, tets).ok()
@@ -226,8 +246,13 @@ mod tests {
         assert!((volume(&split) - volume(&mesh)).abs() < 1e-15);
         assert_eq!(Boundary::of(&split).unwrap().triangles().len(), 6);
         let mut again = Subdivision::of(&mesh);
-        let edges = [[0, 1], [5, 2], [1, 2]].map(|edge| edge.map(VertexId));
-        assert_eq!(again.halve(&edges), Ok(()));
+        let halvings = |edges: &[[u32; 2]]| MeshChanges {
+            halved: edges.iter().map(|edge| edge.map(VertexId)).collect(),
+            flips: Vec::new(),
+        };
+        let edges = [[0, 1], [5, 2], [1, 2]];
+        assert_eq!(again.change(&halvings(&edges)), Ok(()));
+        let edges = edges.map(|edge| edge.map(VertexId));
         assert_eq!(again.edge_splits(), 3);
         let mut by_size = Subdivision::of(&mesh);
         edges
@@ -240,12 +265,13 @@ mod tests {
             tets
         };
         assert_eq!(sorted(&again), sorted(&by_size));
-        let edges = [[0, 1], [3, 2], [1, 2], [1, 5]].map(|edge| edge.map(VertexId));
+        let changes = halvings(&[[0, 1], [3, 2], [1, 2], [1, 5]]);
         let mut halved = Subdivision::of(&mesh);
-        halved.halve(&edges).unwrap();
-        assert_eq!(Subdivision::before(&halved.mesh().unwrap(), &edges), Some(mesh.clone()));
-        assert_eq!(again.halve(&[[0, 4].map(VertexId)]), Err([0, 4].map(VertexId)));
-        assert_eq!(again.halve(&[[0, 99].map(VertexId)]), Err([0, 99].map(VertexId)));
+        halved.change(&changes).unwrap();
+        assert_eq!(Subdivision::before(&halved.mesh().unwrap(), &changes), Some(mesh.clone()));
+        for none in [[0, 4], [0, 99]] {
+            assert!(again.change(&halvings(&[none])).unwrap_err().contains("no edge from vertex 0"));
+        }
         // A linear map of the old vertices is the same linear map of the new ones.
         let image = splits.extend(mesh.points().iter().map(|p| Vec3::new(p.x + p.y, 3.0 * p.y, p.z)).collect());
         for (p, q) in split.points().iter().zip(&image) {

@@ -108,7 +108,8 @@ impl Warped<'_> {
         let least = Least { k: held.k, image: settled.positions.clone() };
         let settings = OptimizeSettings { polish: Polish::None, ..settings.starting_now() };
         let settled = Outcome { kkt: None, multipliers: Vec::new(), ..settled };
-        self.rounds_onto_ball(settled, (held, least), &self.chamber(), (rounds, &settings), observe)
+        let (plain, _) = self.elements();
+        self.rounds_onto_ball(settled, (held, least), &plain, (rounds, &settings), observe)
     }
 
     /// Lowers K onto the ball of a map with these factors in so many rounds at most; what is returned is no worse than the least.

@@ -6,6 +6,7 @@ use super::gain::{self, Gain, Large};
 use super::surface::{Held, Middles};
 use super::{RefineEnd, RefinedMap, around, pair, tets_at_vertices};
 use crate::domain::{Afterwards, Domain, edge_matrix};
+use crate::map::Corners;
 use crate::mesh::{Mat3, Subdivision, TetId, Vec3, VertexId};
 use crate::objective::Iterate;
 use crate::optimize::flipped_tets;
@@ -16,7 +17,7 @@ const WORTHWHILE: f64 = 0.1;
 /// The shape of a tet, its volume over the cube of its longest edge (0.118 for the regular one), below which no halving goes,
 /// unless the tet that is halved is as bad. Thin tets at an edge of the solid may be what K sits on: with 1e-3 the cube of 100,000
 /// tets stays at K = 27.
-const WORST_SHAPE: f64 = 1e-6;
+pub(super) const WORST_SHAPE: f64 = 1e-6;
 /// Length of an edge of the surface over that of the longest of its triangles from which it is halved; else that one is, and so on. A
 /// thin triangle, one corner of which goes to the sphere, has a trace of large dilatation.
 const LONG: f64 = 0.85;
@@ -24,6 +25,8 @@ const LONG: f64 = 0.85;
 /// The mesh after a round's halvings.
 pub(super) struct Halves {
     pub domain: Domain,
+    /// Its corner elements.
+    pub corners: Option<Corners>,
     /// The ends of the edges, in this order.
     pub edges: Vec<[VertexId; 2]>,
     /// The map that was lowered last, on it.
@@ -37,7 +40,7 @@ impl RefinedMap {
     pub(super) fn gains(&self, early: bool, middles: &Middles) -> Vec<Gain> {
         let (domain, positions) = (&self.domain, &self.outcome.positions);
         // Maps that come here have no flipped tet.
-        let held = if middles.of_surface { Held::of(domain, positions).ok() } else { None };
+        let held = if middles.of_surface { Held::of(domain, self.corners.as_ref(), positions).ok() } else { None };
         let plain = || Iterate::new(domain, positions.clone()).log_dilatations();
         let Some(logs) = held.as_ref().map(|held| held.logs.clone()).or_else(plain) else { return Vec::new() };
         let factors: &[Vec<(Mat3, Afterwards)>] = held.as_ref().map_or(&[], |held| &held.factors);
@@ -46,7 +49,11 @@ impl RefinedMap {
         let at = tets_at_vertices(domain);
         let surface = SurfaceEdges::of(domain);
         let keeps_shape = |edge| self.keeps_shape(around(edge, tets, &at), edge);
-        let mut gains = gain::gains(&large, &at, &|edge| !surface.contains(edge) && keeps_shape(edge));
+        // The part of an edge at a corner is an element of its own, by which nothing is gained: the map is like a power there on all scales.
+        let corners = corner_vertices(self.corners.as_ref());
+        let is_at_corner = |edge: [VertexId; 2]| edge.iter().any(|v| corners.contains(v));
+        let mut gains =
+            gain::gains(&large, &at, &|edge| !surface.contains(edge) && !is_at_corner(edge) && keeps_shape(edge));
         if let Some(held) = &held {
             let mut of_surface: BTreeMap<[VertexId; 2], f64> = BTreeMap::new();
             for (edge, gain) in held.gains(&large) {
@@ -96,7 +103,9 @@ impl RefinedMap {
                 if middles.of_surface { carried.clone() } else { middles.extended(&domain, &edges, best.to_vec()) };
             let flipped = flipped_tets(&domain, &carried);
             if flipped.is_empty() && flipped_tets(&domain, &best).is_empty() {
-                return Ok(Halves { domain, edges, carried, best });
+                let corners = self.corners.as_ref().map(|corners| corners.around(&domain)).transpose();
+                let corners = corners.map_err(|_| RefineEnd::NoEdge)?;
+                return Ok(Halves { domain, corners, edges, carried, best });
             }
             // Two middles on the sphere may turn over a tet that one of them leaves upright.
             let before = self.domain.mesh().points().len();
@@ -118,6 +127,10 @@ impl RefinedMap {
         let tets = self.domain.mesh().tets();
         let at = tets_at_vertices(&self.domain);
         let mut count = tets.len();
+        // Flips may have made too many.
+        if count > most_tets {
+            return None;
+        }
         let (mut halved, mut wanted) = (Vec::new(), HashSet::new());
         for &Gain { edge, .. } in gains {
             count += around(edge, tets, &at).count();
@@ -155,6 +168,12 @@ impl RefinedMap {
             })
         })
     }
+}
+
+/// The corners of a map that are not linear.
+pub(super) fn corner_vertices(corners: Option<&Corners>) -> HashSet<VertexId> {
+    let exponents = corners.map(Corners::exponents).unwrap_or_default();
+    exponents.into_iter().filter(|(_, exponent)| *exponent != 1.0).map(|(v, _)| v).collect()
 }
 
 /// The edges of the surface, with their triangles.
@@ -201,7 +220,7 @@ pub(super) fn edges_of(triangle: &[VertexId; 3]) -> [[VertexId; 2]; 3] {
 }
 
 /// The volume of a tet over the cube of its longest edge.
-fn shape(corners: [Vec3; 4]) -> f64 {
+pub(super) fn shape(corners: [Vec3; 4]) -> f64 {
     let edges = (0..4).flat_map(|i| (0..i).map(move |j| (i, j)));
     let longest = edges.map(|(i, j)| (corners[i] - corners[j]).norm()).fold(0.0, f64::max);
     edge_matrix(corners).determinant() / (6.0 * longest.powi(3))

@@ -8,11 +8,12 @@ use super::gain::{Large, half};
 use super::halving::edges_of;
 use crate::dilatation::Dilatation;
 use crate::domain::{Afterwards, Domain};
+use crate::map::Corners;
 use crate::measure::{Factor, NotOntoBall, OntoBall};
 use crate::mesh::{Mat3, TetId, Vec3, VertexId};
 
 /// Share of the largest K of the map onto the polyhedron below which K onto the ball is not looked at.
-const LOW: f64 = 0.5;
+pub(super) const LOW: f64 = 0.5;
 /// Share of the largest ln K onto the ball above which all factors of a tet are held, and the least and most of them that are.
 const NEAR: (f64, usize, usize) = (0.9, 2, 24);
 /// Length of an edge's image over that of the longest of its triangle from which halving it brings the triangle nearer to the sphere.
@@ -99,10 +100,18 @@ pub(super) struct Held {
 
 impl Held {
     /// Looks at a map.
-    pub fn of(domain: &Domain, image: &[Vec3]) -> Result<Self, NotOntoBall> {
-        let onto = OntoBall::new(domain, None, image)?;
+    pub fn of(domain: &Domain, corners: Option<&Corners>, image: &[Vec3]) -> Result<Self, NotOntoBall> {
+        let onto = OntoBall::new(domain, corners, image)?;
         let tets = (0..domain.mesh().tets().len() as u32).into_par_iter().map(TetId);
-        let plain: Vec<f64> = tets.clone().map(|tet| Dilatation::of(&domain.jacobian(tet, image)).k()).collect();
+        let plain = |tet: TetId| {
+            let jacobian = domain.jacobian(tet, image);
+            let warp = corners.and_then(|corners| corners.warp(tet));
+            warp.map_or_else(
+                || Dilatation::of(&jacobian),
+                |warp| warp.dilatation(&jacobian, domain.mesh().corners(tet)),
+            )
+        };
+        let plain: Vec<f64> = tets.clone().map(|tet| plain(tet).k()).collect();
         let low = LOW * plain.iter().copied().fold(1.0, f64::max);
         let all: Vec<Vec<Factor>> = tets
             .map(|tet| {

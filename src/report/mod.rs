@@ -22,7 +22,7 @@ pub use html::{
     PageError, ShownMap, page_of_map, write_case_pages, write_pages, write_pages_of, write_pair, write_sweep_pages,
 };
 pub use limit::{Limit, LimitedBy};
-pub(crate) use results::{CellRow, FILES, HALVED, HalvedRow, INCOMPLETE, START, trace_hash};
+pub(crate) use results::{CellRow, FILES, FLIPPED, FlippedRow, HALVED, HalvedRow, INCOMPLETE, START, trace_hash};
 pub use results::{MapRecord, write_certificate, write_results, write_trace};
 pub use summary::{map_summary, summary, summary_within, time_line};
 pub use words::COLUMNS;

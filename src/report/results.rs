@@ -15,7 +15,7 @@ use crate::domain::Domain;
 use crate::map::Corners;
 use crate::measure::Measured;
 use crate::mesh::io::{DataArray, Values, WriteError, write_atomically, write_vtu};
-use crate::mesh::{TetId, Unit, Vec3, VertexId};
+use crate::mesh::{Flips, MeshChanges, TetId, Unit, Vec3, VertexId};
 use crate::optimize::TraceRow;
 
 /// The files of a run, but for `certificate.json`, which not every run has; the record comes last.
@@ -40,6 +40,48 @@ pub(crate) struct HalvedRow {
     pub to: u32,
 }
 
+/// The file with a row for each tet that flips took away or made, of a run with refinement.
+pub(crate) const FLIPPED: &str = "flipped.csv";
+
+/// One line of `flipped.csv`: the vertices of a tet, after so many halvings: one that goes, with its number, or one that comes in the room of
+/// those, all counted from 0.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct FlippedRow {
+    pub after: usize,
+    pub tet: Option<u32>,
+    pub v0: u32,
+    pub v1: u32,
+    pub v2: u32,
+    pub v3: u32,
+}
+
+impl FlippedRow {
+    /// The rows of some flips.
+    fn rows(flips: &Flips) -> impl Iterator<Item = Self> + '_ {
+        let row = |tet: Option<u32>, [v0, v1, v2, v3]: [u32; 4]| Self { after: flips.after, tet, v0, v1, v2, v3 };
+        let numbers = |tet: &[VertexId; 4]| tet.map(|v| v.0);
+        let old = flips.old.iter().map(move |(id, tet)| row(Some(id.0), numbers(tet)));
+        old.chain(flips.new.iter().map(move |tet| row(None, numbers(tet))))
+    }
+
+    /// The flips of rows.
+    pub fn flips(rows: &[Self]) -> Vec<Flips> {
+        let mut flips: Vec<Flips> = Vec::new();
+        for row in rows {
+            if flips.last().is_none_or(|last| last.after != row.after) {
+                flips.push(Flips { after: row.after, ..Flips::default() });
+            }
+            let last = flips.last_mut().expect("one is there");
+            let tet = [row.v0, row.v1, row.v2, row.v3].map(VertexId);
+            match row.tet {
+                Some(id) => last.old.push((TetId(id), tet)),
+                None => last.new.push(tet),
+            }
+        }
+        flips
+    }
+}
+
 /// The maps behind a report: what its tables and meshes show cell by cell.
 #[derive(Clone, Copy, Debug)]
 pub struct MapRecord<'a> {
@@ -47,8 +89,8 @@ pub struct MapRecord<'a> {
     pub domain: &'a Domain,
     /// The corners of the map, with their exponents; `None` where it is piecewise linear.
     pub corners: Option<&'a Corners>,
-    /// The ends of the edges that refinement halved, in this order; their middles are the last vertices.
-    pub halved: &'a [[VertexId; 2]],
+    /// What refinement did to the mesh.
+    pub changes: &'a MeshChanges,
     /// Image positions started from.
     pub initial: &'a [Vec3],
     /// Image positions arrived at.
@@ -68,7 +110,7 @@ pub struct MapRecord<'a> {
 }
 
 /// Writes `report.json`, `summary.txt`, `trace.csv`, `cells.csv`, `domain.vtu` and `image.vtu` into `folder`, made if
-/// missing, `corners.csv` if the map has corners, `refined.csv` if edges were halved and `certificate.json` if there is a
+/// missing, `corners.csv` if the map has corners, `refined.csv` if edges were halved, `flipped.csv` if tets were flipped and `certificate.json` if there is a
 /// certificate; those of an earlier run are removed.
 ///
 /// The report comes last: where it stands, the rest does. Until then `incomplete.txt` says that something is missing. It
@@ -114,18 +156,27 @@ fn write_files(folder: &Path, report: &Report, record: &MapRecord) -> Vec<(&'sta
         ];
         write_vtu(&folder.join(name), shown, record.domain.mesh().tets(), &point_data, &data)
     };
-    let [corners, halved, certificate] = [CORNERS, HALVED, CERTIFICATE].map(|name| folder.join(name));
+    let [corners, halved, flipped, certificate] = [CORNERS, HALVED, FLIPPED, CERTIFICATE].map(|name| folder.join(name));
     let halvings = || {
-        let first = record.domain.mesh().points().len() - record.halved.len();
-        let rows = (first as u32..).zip(record.halved);
+        let first = record.domain.mesh().points().len() - record.changes.halved.len();
+        let rows = (first as u32..).zip(&record.changes.halved);
         write_csv(&halved, rows.map(|(vertex, [from, to])| HalvedRow { vertex, from: from.0, to: to.0 }))
     };
+    let flips = &record.changes.flips;
     // On a disk that fills up, the image is what cannot be had again without the whole computation.
     let written = [
         ("image.vtu", mesh("image.vtu", image, "domain_position", points)),
         ("domain.vtu", mesh("domain.vtu", points, "image_position", image)),
         (CORNERS, record.corners.map_or_else(|| remove(&corners), |found| write_csv(&corners, cone_rows(found)))),
-        (HALVED, if record.halved.is_empty() { remove(&halved) } else { halvings() }),
+        (HALVED, if record.changes.halved.is_empty() { remove(&halved) } else { halvings() }),
+        (
+            FLIPPED,
+            if flips.is_empty() {
+                remove(&flipped)
+            } else {
+                write_csv(&flipped, flips.iter().flat_map(FlippedRow::rows))
+            },
+        ),
         (
             CERTIFICATE,
             record.certificate.map_or_else(|| remove(&certificate), |found| write_certificate(&certificate, found)),

@@ -175,7 +175,9 @@ fn refined_line(columns: usize, achieved: &Achieved) -> String {
         }
         RefineEnd::NotSettled => "the map was not settled",
     };
-    let added = rounds.last().map_or(0, |round| round.tets - tets_before);
+    let added = rounds.last().map_or(0, |round| round.tets.saturating_sub(*tets_before));
+    let flipped: usize = rounds.iter().map(|round| round.flipped).sum();
+    let flipped = if flipped > 0 { format!(", {flipped} tet{} flipped", s(flipped)) } else { String::new() };
     let (what, settled) = match achieved.last.ball_k.filter(|_| *surface) {
         Some(k) => ("K onto the ball", k.certified),
         None => ("max K", achieved.last.max_k),
@@ -203,7 +205,7 @@ fn refined_line(columns: usize, achieved: &Achieved) -> String {
     let count = rounds.len();
     let of_surface = if *surface { ", on the surface too" } else { "" };
     let text = format!(
-        "{count} round{} where K sits{of_surface}, {added} tet{} added ({share}){reached}{nothing}; {why}",
+        "{count} round{} where K sits{of_surface}{flipped}, {added} tet{} added ({share}){reached}{nothing}; {why}",
         s(count),
         s(added)
     );

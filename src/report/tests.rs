@@ -2,7 +2,7 @@ use super::*;
 use crate::bound::{BoundName, Kind, LowerBound, Scope};
 use crate::domain::Domain;
 use crate::measure::{bottleneck, measure};
-use crate::mesh::{TetId, TetMesh, Vec3, VertexId};
+use crate::mesh::{MeshChanges, TetId, TetMesh, Vec3, VertexId};
 use crate::optimize::{KktResidual, StopReason, TraceRow};
 use crate::refine::{RefineEnd, Round};
 use crate::solid::StarCentre;
@@ -100,7 +100,7 @@ fn write(flip: bool) -> (tempfile::TempDir, Report) {
     let record = MapRecord {
         domain: &domain,
         corners: None,
-        halved: &[],
+        changes: &MeshChanges::default(),
         initial: &initial,
         image: &image,
         measured_initial: &before,
@@ -288,7 +288,7 @@ fn the_summary_counts_bounds_that_do_not_apply_and_warns_of_a_largest_k_above_th
 fn the_summary_tells_what_refinement_came_to_and_where_it_gained_nothing() {
     let (_, mut report) = write(false);
     let max_k = report.achieved.last.max_k;
-    let round = |max_k| Round { edges: 1, tets: 6, max_k };
+    let round = |max_k| Round { flipped: 0, edges: 1, tets: 6, max_k };
     let mut told = |before: f64, rounds: Vec<Round>| {
         let max_k_before = Some(before);
         report.achieved.refined =

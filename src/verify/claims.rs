@@ -108,7 +108,7 @@ fn figures(
     // Halves of a flipped tet are flipped. Of a mesh that was halved and not made again only that is known.
     let flipped = before.summary.flipped;
     let of_told = told.untangling.as_ref().map_or(0, |untangling| untangling.flipped_before);
-    let is_halved = !files.halved.is_empty() || told.untangling.as_ref().is_some_and(|u| u.refinement_splits > 0);
+    let is_halved = !files.changes.is_empty() || told.untangling.as_ref().is_some_and(|u| u.refinement_splits > 0);
     let flipped_before = match &again.unrefined {
         Some(unrefined) => unrefined.flipped,
         None if is_halved && (1..=flipped).contains(&of_told) => {
@@ -243,7 +243,7 @@ fn trace(files: &Files, before: &Measured, unrefined: Option<&Summary>, findings
     }
     if let Some(row) = rows.first().filter(|_| first.flipped == 0) {
         // It is of the mesh before any edge was halved, whose tets the mean counts; halved ones have the K of theirs, up to rounding.
-        let same = match unrefined.or(Some(first).filter(|_| files.halved.is_empty())) {
+        let same = match unrefined.or(Some(first).filter(|_| files.changes.is_empty())) {
             Some(first) => close(row.max_k, first.max_k, SAME_START) && close(row.mean_k, first.mean_k, SAME_START),
             None => close(row.max_k, first.max_k, SAME_ROW),
         };

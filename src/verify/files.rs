@@ -11,10 +11,11 @@ use crate::domain::Domain;
 use crate::map::Corners;
 use crate::measure::{Measured, Summary};
 use crate::mesh::io::{TetFile, read_tet_file};
-use crate::mesh::{TetId, TetMesh, Unit, Vec3, VertexId};
+use crate::mesh::{MeshChanges, TetId, TetMesh, Unit, Vec3, VertexId};
 use crate::optimize::TraceRow;
 use crate::report::{
-    CORNERS, CellRow, FILES, HALVED, HalvedRow, INCOMPLETE, MapRecord, Report, START, read_corners, write_results,
+    CORNERS, CellRow, FILES, FLIPPED, FlippedRow, HALVED, HalvedRow, INCOMPLETE, MapRecord, Report, START,
+    read_corners, write_results,
 };
 
 /// What to do about a file that is missing or broken.
@@ -38,8 +39,8 @@ pub(super) struct Files {
     pub cells: Vec<CellRow>,
     pub trace: Vec<TraceRow>,
     pub certificate: Option<Certificate>,
-    /// The ends of the edges that refinement halved, in this order.
-    pub halved: Vec<[VertexId; 2]>,
+    /// What refinement did to the mesh.
+    pub changes: MeshChanges,
     /// The corners of the map, with their exponents.
     pub corners: Option<Corners>,
 }
@@ -92,8 +93,10 @@ impl Files {
         };
         let refined = folder.join(HALVED);
         let halved = if refined.exists() { table::<HalvedRow>(&refined, findings) } else { Some(Vec::new()) };
+        let flipped = folder.join(FLIPPED);
+        let flipped = if flipped.exists() { table::<FlippedRow>(&flipped, findings) } else { Some(Vec::new()) };
         let (report, domain, image, cells, trace) = (report?, domain?, image?, cells?, trace?);
-        let halved = halved?;
+        let (halved, flipped) = (halved?, flipped?);
         let first = domain.soup.points.len().saturating_sub(halved.len());
         let row = (first..).zip(&halved).position(|(vertex, row)| {
             let [named, from, to] = [row.vertex, row.from, row.to].map(|v| v as usize);
@@ -105,7 +108,8 @@ impl Files {
             ));
             return None;
         }
-        let halved: Vec<[VertexId; 2]> = halved.iter().map(|row| [row.from, row.to].map(VertexId)).collect();
+        let halved = halved.iter().map(|row| [row.from, row.to].map(VertexId)).collect();
+        let changes = MeshChanges { halved, flips: FlippedRow::flips(&flipped) };
 
         findings.begin("domain.vtu and image.vtu are one mesh, a ball of positively oriented tets by exact predicate");
         let same = domain.soup.points.len() == image.soup.points.len() && domain.soup.tets == image.soup.tets;
@@ -144,7 +148,7 @@ impl Files {
             format!("{CORNERS} has other corners or exponents than the report")
         });
         let units = [unit, of_image];
-        let files = Self { report, domain, units, image, start, cells, trace, certificate, halved, corners };
+        let files = Self { report, domain, units, image, start, cells, trace, certificate, changes, corners };
         files.check_bytes(folder, findings);
         Some(files)
     }
@@ -161,7 +165,7 @@ impl Files {
         let record = MapRecord {
             domain: &self.domain,
             corners: self.corners.as_ref(),
-            halved: &self.halved,
+            changes: &self.changes,
             initial: &self.start,
             image: &self.image,
             measured_initial: &measured(
@@ -185,7 +189,8 @@ impl Files {
         let further = [
             self.certificate.is_some().then_some(CERTIFICATE),
             self.corners.is_some().then_some(CORNERS),
-            (!self.halved.is_empty()).then_some(HALVED),
+            (!self.changes.halved.is_empty()).then_some(HALVED),
+            (!self.changes.flips.is_empty()).then_some(FLIPPED),
         ];
         for name in FILES.into_iter().chain(further.into_iter().flatten()) {
             let [there, expected] = [folder, again.path()].map(|folder| std::fs::read(folder.join(name)));
@@ -208,7 +213,7 @@ impl Files {
 
 /// Refuses what no run writes.
 fn others(folder: &Path, findings: &mut Findings) {
-    let known = || FILES.into_iter().chain(PAGES).chain([CERTIFICATE, CORNERS, HALVED]);
+    let known = || FILES.into_iter().chain(PAGES).chain([CERTIFICATE, CORNERS, HALVED, FLIPPED]);
     let names: BTreeSet<String> = match std::fs::read_dir(folder) {
         Ok(entries) => entries.flatten().map(|entry| entry.file_name().to_string_lossy().into_owned()).collect(),
         Err(error) => return findings.found(format!("the folder cannot be listed: {error}")),

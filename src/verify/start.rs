@@ -13,7 +13,7 @@ use crate::measure::Summary;
 use crate::mesh::io::{read_surface, shown_path};
 use crate::mesh::{Subdivision, Vec3};
 use crate::optimize::BoundaryValues;
-use crate::report::HALVED;
+use crate::report::{FLIPPED, HALVED};
 use crate::solid::{StarCentre, Surface};
 
 /// Distance, relative to the extent of all positions, within which two are the same: elementary functions differ in their last
@@ -28,7 +28,7 @@ pub(super) struct Again {
     pub seed: u64,
     pub source: ConfigSource,
     pub start: Start,
-    /// The start before edges were halved where the largest K sat, measured; `None` where none were or it was not made again.
+    /// The start before the mesh was refined where the largest K sat, measured; `None` where none were or it was not made again.
     pub unrefined: Option<Summary>,
     /// Whether the start was made from the config, not taken from the files.
     pub made: bool,
@@ -74,10 +74,12 @@ pub(super) fn again(files: &Files, findings: &mut Findings) -> Option<Again> {
     rounds(files, findings);
     let external = matches!(plan.mesh, MeshPlan::External(_))
         || report.domain.centre.is_none() && matches!(plan.mesh, MeshPlan::Auto { .. });
-    let unrefined = if external && !files.halved.is_empty() {
-        let mesh = Subdivision::before(files.domain.mesh(), &files.halved);
+    let unrefined = if external && !files.changes.is_empty() {
+        let mesh = Subdivision::before(files.domain.mesh(), &files.changes);
         let Some(unrefined) = mesh.map(Domain::new).and_then(Result::ok) else {
-            findings.found(format!("domain.vtu did not come from any mesh by the halvings of {HALVED}"));
+            findings.found(format!(
+                "domain.vtu did not come from any mesh by the halvings of {HALVED} and the flips of {FLIPPED}"
+            ));
             return Some(as_told(source));
         };
         unrefined
@@ -90,7 +92,7 @@ pub(super) fn again(files: &Files, findings: &mut Findings) -> Option<Again> {
         return Some(as_told(source));
     }
     let start = match make(&plan, files, unrefined, findings) {
-        Ok(start) => start.told_by(&report.map.map),
+        Ok(start) => start.told_by(&report.map.map).with_exponents_of(files.corners.as_ref()),
         Err(error) => {
             findings.found(format!("the config makes no start: {error}"));
             return Some(as_told(source));
@@ -105,11 +107,12 @@ pub(super) fn again(files: &Files, findings: &mut Findings) -> Option<Again> {
             format!("the mesh before the refinement had {before} tets, not {}", told.tets_before)
         });
     }
-    let unrefined = (!files.halved.is_empty()).then(|| start.measure(&start.image, &Cancel::default()).summary);
-    let start = match start.halved(&files.halved, refined.as_ref().is_some_and(|refined| refined.surface)) {
+    let unrefined = (!files.changes.is_empty()).then(|| start.measure(&start.image, &Cancel::default()).summary);
+    let start = match start.changed(&files.changes, refined.as_ref().is_some_and(|refined| refined.surface)) {
         Ok(start) => start,
         Err(error) => {
-            findings.found(format!("{HALVED} halves what the config's domain does not have: {error}"));
+            findings
+                .found(format!("{HALVED} halves or {FLIPPED} flips what the config's domain does not have: {error}"));
             return Some(as_told(source));
         }
     };
@@ -162,11 +165,18 @@ fn rounds(files: &Files, findings: &mut Findings) {
     let achieved = &files.report.achieved;
     let Some(refined) = &achieved.refined else {
         return findings
-            .expect(files.halved.is_empty(), || format!("{HALVED} is of a refinement that the report does not have"));
+            .expect(files.changes.is_empty(), || format!("{HALVED} is of a refinement that the report does not have"));
     };
     let edges: usize = refined.rounds.iter().map(|round| round.edges).sum();
-    findings.expect(edges == files.halved.len(), || {
-        format!("the rounds have halved {edges} edges, but {HALVED} names {}", files.halved.len())
+    findings.expect(edges == files.changes.halved.len(), || {
+        format!("the rounds have halved {edges} edges, but {HALVED} names {}", files.changes.halved.len())
+    });
+    let [flipped, of_files]: [usize; 2] = [
+        refined.rounds.iter().map(|round| round.flipped).sum(),
+        files.changes.flips.iter().map(|flips| flips.old.len()).sum(),
+    ];
+    findings.expect(flipped == of_files, || {
+        format!("the rounds have flipped {flipped} tets, but {FLIPPED} names {of_files}")
     });
     let tets = refined.rounds.last().map_or(refined.tets_before, |round| round.tets);
     findings.expect(tets == files.cells.len(), || {

@@ -29,11 +29,17 @@ const TAMPERINGS_OF_REFINEMENT: &[Tampering] = &[
             let column = 1;
             edit_cell(f, "refined.csv", 0, column, |from| if from == "0" { "1".into() } else { "0".into() });
         },
-        "refined.csv halves what",
+        "refined.csv halves or",
     ),
     ("an edge that is none", |f| edit_cell(f, "refined.csv", 0, 1, |_| "100000".into()), "refined.csv"),
     ("the last halving left out", leave_out_the_last_halving, "refined.csv"),
     ("the halvings removed", |f| fs::remove_file(f.join("refined.csv")).unwrap(), "refine"),
+    ("another vertex of a flipped tet", |f| edit_cell(f, "flipped.csv", 0, 2, |_| "0".into()), "flipped.csv"),
+    ("another number of a flipped tet", |f| edit_cell(f, "flipped.csv", 0, 1, |_| "100000".into()), "flipped.csv"),
+    ("flips after more halvings than there are", |f| edit_cell(f, "flipped.csv", 0, 0, |_| "9999".into()), "flips"),
+    ("the last flipped tet left out", |f| leave_out_the_last_row(f, "flipped.csv"), "flipped.csv"),
+    ("the flips removed", |f| fs::remove_file(f.join("flipped.csv")).unwrap(), "flipped"),
+    ("a round's flips", |f| edit_report(f, "/refined/rounds/0/flipped", |n| json!(n.as_u64().unwrap() + 1)), "flipped"),
     ("a round's edges", |f| edit_report(f, "/refined/rounds/0/edges", |n| json!(n.as_u64().unwrap() + 1)), "edges"),
     ("the tets before", |f| edit_report(f, "/refined/tets_before", |_| json!(1)), "before"),
     ("a round that raises K", |f| edit_report(f, "/refined/rounds/0/max_k", |_| json!(1.0)), "rises"),
@@ -41,7 +47,11 @@ const TAMPERINGS_OF_REFINEMENT: &[Tampering] = &[
 ];
 
 fn leave_out_the_last_halving(folder: &Path) {
-    edit_text(folder, "refined.csv", |text| {
+    leave_out_the_last_row(folder, "refined.csv");
+}
+
+fn leave_out_the_last_row(folder: &Path, name: &str) {
+    edit_text(folder, name, |text| {
         let lines: Vec<&str> = text.lines().collect();
         lines[..lines.len() - 1].join("\n") + "\n"
     });
@@ -51,7 +61,7 @@ fn leave_out_the_last_halving(folder: &Path) {
 fn a_refined_run_is_verified_and_every_tampering_with_it_is_found() {
     let folder = results(REFINED);
     let refined = report(folder.path()).achieved.refined.expect("rounds were asked for");
-    assert!(!refined.rounds.is_empty(), "{refined:?}");
+    assert!(refined.rounds.iter().map(|round| round.flipped).sum::<usize>() > 0, "{refined:?}");
     let (code, text) = qcball(&["verify"], folder.path());
     assert!(code == Some(0) && text.contains("rounds of refinement"), "{text}");
     every_one_is_found(folder.path(), TAMPERINGS_OF_REFINEMENT);
@@ -166,4 +176,25 @@ fn a_refined_surface_that_slides_is_verified() {
     let folder = results(&[OF_SURFACE, &["boundary.values=\"sliding\""]].concat());
     let (code, text) = qcball(&["verify"], folder.path());
     assert_eq!(code, Some(0), "{text}");
+}
+
+/// Corner elements are made again around the corners of the finer mesh; what the map is like there is its own.
+#[test]
+fn a_refined_surface_with_powers_at_corners_is_verified() {
+    for corners in ["1.4", "\"power\""] {
+        let corners = format!("boundary.corners={corners}");
+        let folder = results(&[OF_SURFACE, &["boundary.values=\"sliding\"", &corners]].concat());
+        let achieved = report(folder.path()).achieved;
+        let refined = achieved.refined.expect("rounds were asked for");
+        assert!(!refined.rounds.is_empty() && achieved.last.ball_k.unwrap().certified < refined.max_k_before.unwrap());
+        let (code, text) = qcball(&["verify"], folder.path());
+        assert_eq!(code, Some(0), "{text}");
+        every_one_is_found(
+            folder.path(),
+            &[
+                ("another exponent", |f| edit_cell(f, "corners.csv", 0, 4, |_| "1.5".into()), "corners.csv"),
+                ("the last halving left out", leave_out_the_last_halving, "refined.csv"),
+            ],
+        );
+    }
 }

@@ -173,6 +173,14 @@ impl Corners {
         Self::new(domain, cones, of_tet)
     }
 
+    /// Corner elements with the same exponents on another mesh, in which the corners have the same numbers.
+    ///
+    /// # Errors
+    /// As [`Corners::stars`].
+    pub fn around(&self, domain: &Domain) -> Result<Self, CornerError> {
+        Self::stars(domain, &self.exponents())
+    }
+
     /// The cones.
     pub fn cones(&self) -> &[Cone] {
         &self.cones

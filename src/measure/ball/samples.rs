@@ -7,7 +7,7 @@ use super::{NotOntoBall, onto_ball};
 use crate::dilatation::Dilatation;
 use crate::domain::{Afterwards, Domain, Turning};
 use crate::map::{self, Corners};
-use crate::mesh::{Mat3, TetId, Vec3};
+use crate::mesh::{Mat3, TetId, Vec3, edge_matrix};
 
 /// Points nearer to 0 than this part of their tet's farthest corner have no direction: that of 0, where cuts meet, is rounding.
 const AT_CENTRE: f64 = 1e-9;
@@ -55,6 +55,28 @@ impl<'a> OntoBall<'a> {
     pub(super) fn at_corner(&self, tet: TetId, index: usize, corner: &Vec3) -> f64 {
         let jacobian = self.domain.jacobian(tet, self.image);
         shear(self.cones.get(index), corner).map_or(f64::INFINITY, |shear| Dilatation::of(&(shear * jacobian)).k())
+    }
+
+    /// The largest K at the corners of the parts, in cones whose radial map has more than a K of `stretch`, of any tet inside of the image with the
+    /// piecewise-linear map from `rest` to `images`; 1 if there are none.
+    pub fn largest(&self, rest: &[Vec3; 4], images: &[Vec3; 4], stretch: f64) -> f64 {
+        let Some(inverse) = edge_matrix(*rest).try_inverse() else { return f64::INFINITY };
+        let jacobian = edge_matrix(*images) * inverse;
+        let size = images.iter().map(|y| y.norm()).fold(0.0, f64::max);
+        let (mut largest, shadow) = (1.0f64, Shadow::of(images));
+        self.cones.for_each_near(shadow.cap(), stretch, &mut |index| {
+            let cone = self.cones.get(index);
+            if shadow.nearly_misses(cone) {
+                return;
+            }
+            for weights in within(images, cone).into_iter().flatten() {
+                let y = images.iter().zip(&weights).map(|(p, w)| p * *w).sum::<Vec3>() / weights.iter().sum::<f64>();
+                if let Some(left) = shear(cone, &y).filter(|_| y.norm() > AT_CENTRE * size) {
+                    largest = largest.max(Dilatation::of(&(left * jacobian)).k());
+                }
+            }
+        });
+        largest
     }
 
     /// The largest K at the corners of [`OntoBall::factors`].
