@@ -13,7 +13,7 @@ use crate::refine::{Budget, RefineSettings};
 /// The most that `refine.tets` may be.
 const MOST_TETS: i64 = 1_000_000_000;
 
-/// The table `[refine]`: rounds in which edges are halved inside, where K is large, before the largest K is settled again. The
+/// The table `[refine]`: rounds in which tets are flipped and edges halved inside, where K is large, before the largest K is settled again. The
 /// surface stays as it is, and so do the values there, unless `surface` is true.
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default, expecting = "the table [refine]")]

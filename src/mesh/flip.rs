@@ -94,6 +94,9 @@ fn outer_faces<'a>(tets: impl Iterator<Item = &'a [VertexId; 4]>) -> BTreeMap<[V
 /// What a tet is worth, the less the better, if it may be there and that is below a number.
 pub(crate) type Worth<'a> = dyn Fn(&[VertexId; 4], f64) -> Option<f64> + 'a;
 
+/// Tets with what each is worth.
+type Valued = Vec<([VertexId; 4], f64)>;
+
 /// The tets of a mesh while they are flipped.
 pub(crate) struct Flipping {
     /// Those there were, and then the new ones; `None` for what is replaced.
@@ -121,8 +124,8 @@ impl Flipping {
     pub fn flip(&mut self, tet: TetId, least_fall: f64, worth: &Worth<'_>) {
         let index = tet.index();
         let Some(tet) = self.tets[index] else { return };
-        let mut best: Option<(f64, Vec<usize>, Vec<([VertexId; 4], f64)>)> = None;
-        let mut consider = |old: Vec<usize>, search: &dyn Fn(f64) -> Option<Vec<([VertexId; 4], f64)>>| {
+        let mut best: Option<(f64, Vec<usize>, Valued)> = None;
+        let mut consider = |old: Vec<usize>, search: &dyn Fn(f64) -> Option<Valued>| {
             let before = old.iter().map(|index| self.worths[*index]).fold(f64::NEG_INFINITY, f64::max);
             let least = best.as_ref().map_or(least_fall, |(fall, ..)| *fall);
             if let Some(new) = search(before - least) {
@@ -196,18 +199,13 @@ fn opposite(tet: &[VertexId; 4], edge: [VertexId; 2]) -> [VertexId; 2] {
 
 /// The triangulation of a ring about an edge with the least largest worth of the tets between its triangles and the ends, if that is below a
 /// number, with what each is worth: that of a polygon from those of its parts.
-fn best_triangulation(
-    [a, b]: [VertexId; 2],
-    ring: &[VertexId],
-    below: f64,
-    worth: &Worth<'_>,
-) -> Option<Vec<([VertexId; 4], f64)>> {
+fn best_triangulation([a, b]: [VertexId; 2], ring: &[VertexId], below: f64, worth: &Worth<'_>) -> Option<Valued> {
     /// The best of the part of a polygon between two vertices: the largest worth, the third vertex of the triangle at their edge, and its tets.
     #[derive(Clone)]
     struct Part {
         largest: f64,
         middle: usize,
-        tets: Vec<([VertexId; 4], f64)>,
+        tets: Valued,
     }
     let count = ring.len();
     let mut parts: Vec<Vec<Option<Part>>> = vec![vec![None; count]; count];
@@ -215,18 +213,18 @@ fn best_triangulation(
     (1..count).for_each(|i| parts[i - 1][i] = Some(edge.clone()));
     for (from, to) in (2..count).flat_map(|length| (0..count - length).map(move |from| (from, from + length))) {
         let mut best: Option<Part> = None;
-        for middle in from + 1..to {
+        (from + 1..to).for_each(|middle| {
             let below = best.as_ref().map_or(below, |best| best.largest);
-            let (Some(one), Some(other)) = (&parts[from][middle], &parts[middle][to]) else { continue };
+            let (Some(one), Some(other)) = (&parts[from][middle], &parts[middle][to]) else { return };
             if one.largest.max(other.largest) >= below {
-                continue;
+                return;
             }
             let [x, y, z] = [from, middle, to].map(|i| ring[i]);
             let of = |tet: [VertexId; 4]| Some((tet, worth(&tet, below)?));
-            let (Some(upper), Some(lower)) = (of([x, y, z, b]), of([x, z, y, a])) else { continue };
+            let (Some(upper), Some(lower)) = (of([x, y, z, b]), of([x, z, y, a])) else { return };
             let largest = one.largest.max(other.largest).max(upper.1).max(lower.1);
             best = Some(Part { largest, middle, tets: vec![upper, lower] });
-        }
+        });
         parts[from][to] = best;
     }
     let (mut tets, mut left) = (Vec::new(), vec![(0, count - 1)]);
@@ -328,8 +326,8 @@ mod tests {
         assert_eq!(made(&|_| {}), Ok(()));
         assert!(made(&|flips| flips.old[1].0 = TetId(7)).unwrap_err().contains("tet 7"));
         assert!(made(&|flips| flips.old.swap(0, 1)).unwrap_err().contains("order"));
-        assert!(made(&|flips| drop(flips.new.pop())).unwrap_err().contains("outer faces"));
-        assert!(made(&|flips| drop(flips.old.pop())).unwrap_err().contains("outer faces"));
+        assert!(made(&|flips| flips.new.truncate(1)).unwrap_err().contains("outer faces"));
+        assert!(made(&|flips| flips.old.truncate(1)).unwrap_err().contains("outer faces"));
         assert!(made(&|flips| flips.new[0].swap(0, 1)).unwrap_err().contains("outer faces"));
         let late = MeshChanges { halved: Vec::new(), flips: vec![Flips { after: 1, ..flips.clone() }] };
         assert!(Subdivision::of(&mesh).change(&late).unwrap_err().contains("order"));

@@ -49,7 +49,8 @@ impl RefinedMap {
         let at = tets_at_vertices(domain);
         let surface = SurfaceEdges::of(domain);
         let keeps_shape = |edge| self.keeps_shape(around(edge, tets, &at), edge);
-        // The part of an edge at a corner is an element of its own, by which nothing is gained: the map is like a power there on all scales.
+        // The map is like a power at a corner on all scales: a smaller element gains nothing, and beyond it the map is linear. With edges at corners
+        // halved, cube-1k ended at K 5.17 onto the ball after 6 rounds with the exponent 1.4, and at 4.48 without.
         let corners = corner_vertices(self.corners.as_ref());
         let is_at_corner = |edge: [VertexId; 2]| edge.iter().any(|v| corners.contains(v));
         let mut gains =
@@ -60,7 +61,8 @@ impl RefinedMap {
                 *of_surface.entry(surface.longest_from(edge)).or_default() += gain;
             }
             let around = |edge| around(edge, tets, &at);
-            let allowed = |edge| keeps_shape(edge) && middles.keep(domain, positions, edge, around(edge));
+            let allowed =
+                |edge| !is_at_corner(edge) && keeps_shape(edge) && middles.keep(domain, positions, edge, around(edge));
             let of_surface = of_surface.into_iter().filter(|(edge, _)| allowed(*edge));
             gains.extend(of_surface.map(|(edge, gain)| Gain { edge, value: gain / around(edge).count() as f64 }));
             gains.sort_by(|a, b| b.value.total_cmp(&a.value).then(a.edge.cmp(&b.edge)));

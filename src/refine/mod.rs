@@ -14,7 +14,8 @@
 //! Or edges of the surface are halved as well. The solid stays what it was, its sharp edges are those that they were; new vertices of the
 //! surface go to the sphere, where the boundary map sends them, and slide from there if the boundary does. The image comes nearer to the ball, its angles
 //! open, and K onto it rises with them. What is lowered and judged there is K onto the ball, as for the objective "ball", in the rounds
-//! by a soft maximum.
+//! by a soft maximum. The map may be like powers at corners of the solid: their elements stay as they are but for the edges opposite to the
+//! corners.
 
 mod flips;
 mod gain;

@@ -1,6 +1,6 @@
 use super::*;
 use crate::map::{RadialCoordinates, caraman};
-use crate::measure::ball_dilatation;
+use crate::measure::{ball_dilatation, warped_ball_dilatation};
 use crate::mesh::{Boundary, Subdivision};
 use crate::optimize::{BoundaryValues, optimize};
 use crate::solid::{ShellSettings, Solid, shell_mesh};
@@ -187,4 +187,29 @@ fn middles_slide_on_the_sphere_with_a_boundary_that_slides() {
         assert!((image.norm() - 1.0).abs() < 1e-12, "{image}");
     }
     assert_eq!(measure(&map.domain, &map.outcome.positions).summary.flipped, 0);
+}
+
+#[test]
+fn elements_at_corners_with_powers_stay_but_for_the_edges_opposite_to_them() {
+    let (domain, start, outcome) = cube(1);
+    let is_corner = |v: VertexId| domain.mesh().points()[v.index()].iter().all(|x| x.abs() == 1.0);
+    let exponents: Vec<(VertexId, f64)> =
+        (0..domain.mesh().points().len() as u32).map(VertexId).filter(|v| is_corner(*v)).map(|v| (v, 1.3)).collect();
+    assert_eq!(exponents.len(), 8);
+    let corners = Corners::stars(&domain, &exponents).unwrap();
+    let refinement = RefineSettings { rounds: 5, tets: Budget::Share(4.0), ..RefineSettings::of_surface() };
+    let settings = OptimizeSettings { boundary_values: BoundaryValues::Sliding, ..OptimizeSettings::default() };
+    let with_corners = Unrefined { corners: Some(corners), ..unrefined(domain.clone(), start, outcome, None) };
+    let map = refine(with_corners, &settings, &refinement, &mut |_| {}).unwrap();
+    assert!(!map.rounds.is_empty());
+    let has_corner = |vertices: &[VertexId]| vertices.iter().any(|v| exponents.iter().any(|(corner, _)| v == corner));
+    assert!(!map.changes.halved.iter().any(|edge| has_corner(edge)));
+    assert!(!map.changes.flips.iter().any(|flips| flips.old.iter().any(|(_, tet)| has_corner(tet))));
+    // The elements are those of the finer mesh, which has more of them, and the map is one onto the ball.
+    assert_eq!(map.corners, Some(Corners::stars(&map.domain, &exponents).unwrap()));
+    let elements = |domain: &Domain| domain.mesh().tets().iter().filter(|tet| has_corner(&tet[..])).count();
+    assert!(elements(&map.domain) > elements(&domain));
+    let found = warped_ball_dilatation(&map.domain, map.corners.as_ref(), &map.outcome.positions).unwrap();
+    let before = map.max_k_before.unwrap();
+    assert!(2.0 <= found.certified && found.certified < before, "{found:?} after {before}");
 }
