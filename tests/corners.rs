@@ -367,14 +367,19 @@ fn corners_without_sense_are_refused() {
         (format!("{FLAGS}[boundary]\ncorners = 2\ncorner_vertices = [-1]\n"), "vertices are counted from 0"),
         (format!("{FLAGS}[boundary]\ncorners = 2\ncorner_vertices = [3, 3]\n"), "names 3 twice"),
         // The centre is the first vertex of a mesh of flags.
-        (format!("{FLAGS}[boundary]\ncorners = 2\ncorner_vertices = [0]\n"), "vertex 0 is not on the boundary"),
-        (format!("{FLAGS}[boundary]\ncorners = 2\ncorner_vertices = [9999]\n"), "which has the vertices 0 to"),
+        (format!("{FLAGS}[boundary]\ncorners = 2\ncorner_vertices = [0]\n"), "vertex 0 lies inside of the mesh"),
+        (
+            format!("{FLAGS}[boundary]\ncorners = 2\ncorner_vertices = [9999]\n"),
+            "there is no vertex 9999, the mesh has those from 0 to",
+        ),
         (format!("{FLAGS}[boundary]\ncorners = 2\ncorner_vertices = [1]\n"), "no corner of the polyhedron"),
     ] {
         fs::write(folder.path().join("a.toml"), &config).unwrap();
         let (code, out, err) = qcball(folder.path(), &["run", "a.toml", "--out", "run"]);
         assert_eq!((code, out.as_str()), (2, ""), "{config}: {err}");
         assert!(err.contains(part), "{config}: {err}");
+        let is_of_vertices = err.contains("boundary.corner_vertices: ");
+        assert_eq!(err.contains("report.json of such a run"), is_of_vertices, "{err}");
         assert!(!folder.path().join("run").exists());
     }
 }
