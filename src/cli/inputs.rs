@@ -28,6 +28,11 @@ pub(super) fn read_map(rest: &Path, image: &Path) -> Result<GivenMap, Failure> {
             shown_path(rest)
         ));
     }
+    Ok(map)
+}
+
+/// Tells of a map that is mirrored, if this one looks so.
+pub(super) fn tell_of_mirror(map: &GivenMap, image: &Path) {
     let tets = map.domain.mesh().tets().len();
     let flipped = flipped_tets(&map.domain, &map.image).len();
     if flipped as f64 > MIRRORED * tets as f64 {
@@ -37,7 +42,6 @@ pub(super) fn read_map(rest: &Path, image: &Path) -> Result<GivenMap, Failure> {
             image = shown_path(image)
         ));
     }
-    Ok(map)
 }
 
 /// The share of flipped tets beyond which a map passes for one that is mirrored: of random positions half are.

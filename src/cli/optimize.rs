@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use clap::Args;
 
-use super::inputs::{positive, read_map, refuse_to_write_over};
+use super::inputs::{positive, read_map, refuse_to_write_over, tell_of_mirror};
 use super::interrupt::cancel_on_signal;
 use super::output::{columns, fault, note, print};
 use super::progress::{Progress, ProgressArguments};
@@ -104,6 +104,7 @@ pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure>
     let progress = Progress::new(&arguments.told)?;
     progress.begin(Stage::Reading);
     let map = read_map(&arguments.rest, &arguments.init)?;
+    tell_of_mirror(&map, &arguments.init);
     let fixed = match &arguments.lock {
         Some(path) => {
             let locked = read_locks(path, map.kept.len())?;
