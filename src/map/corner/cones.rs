@@ -259,7 +259,7 @@ impl Corners {
                     faces.insert(key, index);
                     continue;
                 };
-                if !self.agree([other, index], face, (&height, &fits)) {
+                if !self.agree([other, index], face, &height, &fits) {
                     return Err(CornerError::Torn { tets: [other, index] });
                 }
             }
@@ -287,7 +287,8 @@ impl Corners {
         &self,
         tets: [u32; 2],
         face: [VertexId; 3],
-        (height, fits): (&dyn Fn(&Warp, VertexId) -> f64, &dyn Fn(&Warp) -> f64),
+        height: &dyn Fn(&Warp, VertexId) -> f64,
+        fits: &dyn Fn(&Warp) -> f64,
     ) -> bool {
         let cones = tets.map(|tet| self.of_tet[tet as usize].map(|cone| cone as usize));
         let still = |cone: Option<usize>| {
