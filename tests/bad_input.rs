@@ -73,6 +73,11 @@ fn configs() -> Vec<Case> {
         config("[analitic]\n", &["a.toml:1: unknown key `analitic`", "did you mean `analytic`?"]),
         config(&below("mesh", "layers = \"8\""), &["a.toml:4: `mesh.layers`", "a whole number"]),
         config(&below("map", "exponent = -1"), &["a.toml:4: `map.exponent` is -1", "greater than 0"]),
+        config(&below("map", "exponent = 1e300"), &["a.toml:4: `map.exponent` is 1", "from 0.05 to 50"]),
+        config(
+            &below("optimize", "exponent = 1e300\nobjective = \"soft-max\""),
+            &["a.toml:4: `optimize.exponent` is 1", "at most 1e6", "objective = \"max\""],
+        ),
         config(
             &below("optimize", "exponent = -2.5\nobjective = \"soft-max\""),
             &["a.toml:4: `optimize.exponent` is -2.5"],

@@ -235,6 +235,51 @@ fn no_exponent_common_to_all_corners_is_better_than_those_that_are_found() {
     }
 }
 
+const HULL: &str = "\
+OFF
+8 12 0
+1.2390032593133657 1.1098491225779261 0.534379612938715
+2.0732227368810072 -0.767391217828489 -0.4322030031471703
+-1.4339915818309534 -0.8698619793541688 0.8287995056691708
+0.49453191914343964 -0.8844956654725369 -0.5789204450658293
+1.7771641460241485 -1.120136729029283 -0.3597494989193567
+0.7506238261524706 1.264172320073625 0.9194961606276368
+-0.7596303630065184 -1.2740718434070972 -0.7707218488059774
+0.633193330181246 0.2150112529317931 0.8474214725346093
+3 0 1 3
+3 0 7 1
+3 0 3 6
+3 0 6 5
+3 0 5 7
+3 1 6 3
+3 1 4 6
+3 1 7 4
+3 2 6 4
+3 2 4 7
+3 2 5 6
+3 2 7 5
+";
+
+#[test]
+fn exponents_are_sought_by_the_objective_and_halved_edges_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    // Eight points about a point inside, of a hull with sharp corners.
+    fs::write(folder.path().join("a.off"), HULL).unwrap();
+    let of = |name: &str, corners: &str| {
+        let config = format!(
+            "[domain]\nfile = \"a.off\"\n[mesh]\ncells = 800\n[boundary]\ncorners = {corners}\n[optimize]\nobjective = \"ball\"\n"
+        );
+        report(folder.path(), name, &config, &["--threads", "1"])
+    };
+    let onto_ball = |run: &Value| run["final"]["ball_k"]["certified"].as_f64().unwrap();
+    let [found, one, more] = [("power", "\"power\""), ("one", "1"), ("more", "1.1")].map(|(name, p)| of(name, p));
+    // By the largest K onto the polyhedron 1 is the best of these, by that onto the ball it is not.
+    assert!(max_k(&one) < max_k(&more) && onto_ball(&more) < 0.9 * onto_ball(&one));
+    assert!(onto_ball(&found) < onto_ball(&more), "{} {}", onto_ball(&found), onto_ball(&more));
+    let halved = |run: &Value| run["warnings"].to_string().contains("edges from corner to corner were halved");
+    assert!(halved(&one) && !halved(&of("linear", "\"linear\"")));
+}
+
 #[test]
 fn the_stars_of_the_corners_of_another_mesh_are_warped() {
     let folder = tempfile::tempdir().unwrap();
@@ -367,14 +412,19 @@ fn corners_without_sense_are_refused() {
         (format!("{FLAGS}[boundary]\ncorners = 2\ncorner_vertices = [-1]\n"), "vertices are counted from 0"),
         (format!("{FLAGS}[boundary]\ncorners = 2\ncorner_vertices = [3, 3]\n"), "names 3 twice"),
         // The centre is the first vertex of a mesh of flags.
-        (format!("{FLAGS}[boundary]\ncorners = 2\ncorner_vertices = [0]\n"), "vertex 0 is not on the boundary"),
-        (format!("{FLAGS}[boundary]\ncorners = 2\ncorner_vertices = [9999]\n"), "which has the vertices 0 to"),
+        (format!("{FLAGS}[boundary]\ncorners = 2\ncorner_vertices = [0]\n"), "vertex 0 lies inside of the mesh"),
+        (
+            format!("{FLAGS}[boundary]\ncorners = 2\ncorner_vertices = [9999]\n"),
+            "there is no vertex 9999, the mesh has those from 0 to",
+        ),
         (format!("{FLAGS}[boundary]\ncorners = 2\ncorner_vertices = [1]\n"), "no corner of the polyhedron"),
     ] {
         fs::write(folder.path().join("a.toml"), &config).unwrap();
         let (code, out, err) = qcball(folder.path(), &["run", "a.toml", "--out", "run"]);
         assert_eq!((code, out.as_str()), (2, ""), "{config}: {err}");
         assert!(err.contains(part), "{config}: {err}");
+        let is_of_vertices = err.contains("boundary.corner_vertices: ");
+        assert_eq!(err.contains("report.json of such a run"), is_of_vertices, "{err}");
         assert!(!folder.path().join("run").exists());
     }
 }

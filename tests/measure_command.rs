@@ -50,6 +50,24 @@ fn a_stretch_has_its_closed_form_whatever_the_orientation_of_the_file() {
 }
 
 #[test]
+fn a_mirror_image_that_is_to_be_optimized_is_called_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let mirrored: Vec<Vec3> = points().iter().map(|p| Vec3::new(p.y, p.x, p.z)).collect();
+    for (name, points) in [("rest.mesh", points()), ("image.mesh", mirrored)] {
+        write_medit(&folder.path().join(name), &points, &TETS.map(|tet| tet.map(VertexId))).unwrap();
+    }
+    let ask = |arguments: &[&str]| {
+        let output = Command::new(cargo_bin!("qcball")).current_dir(folder.path()).args(arguments).output().unwrap();
+        String::from_utf8_lossy(&output.stderr).into_owned()
+    };
+    let said = ask(&["optimize", "rest.mesh", "image.mesh", "out.mesh", "--quiet"]);
+    assert!(said.contains("2 of 2 tets are turned over") && said.contains("mirror image"), "{said}");
+    // What it says to do mends it.
+    ask(&["map", "affine", "matrix=[[-1, 0, 0], [0, 1, 0], [0, 0, 1]]", "image.mesh", "OUT.mesh"]);
+    assert_eq!(ask(&["optimize", "rest.mesh", "OUT.mesh", "out.mesh", "--quiet"]), "");
+}
+
+#[test]
 fn a_flipped_tet_makes_k_infinite_which_is_null() {
     let rest = points();
     let mut image = points();

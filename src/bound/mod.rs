@@ -195,7 +195,7 @@ pub fn all_until(
         &|| trace(domain, image).into_iter().collect(),
         &|| edge_ratio(domain, &edges, boundary_image).into_iter().collect(),
         &|| fan(domain, &edges, boundary_image).into_iter().collect(),
-        &|| end_fan(domain, &edges, boundary_image).into_iter().collect(),
+        &|| end_fan(domain, &edges, boundary_image, cancel).into_iter().collect(),
         &|| vertex(domain, &edges, boundary_image).into_iter().collect(),
         &|| apex(domain, image, cancel),
         &|| is_inscribed.then(|| wedge(domain, &edges)).into_iter().flatten().collect(),

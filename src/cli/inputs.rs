@@ -6,6 +6,7 @@ use super::Failure;
 use super::output::note;
 use crate::experiment::GivenMap;
 use crate::mesh::io::shown_path;
+use crate::optimize::flipped_tets;
 
 /// Parses a positive number below 1e9.
 pub(super) fn positive(text: &str) -> Result<f64, String> {
@@ -29,6 +30,22 @@ pub(super) fn read_map(rest: &Path, image: &Path) -> Result<GivenMap, Failure> {
     }
     Ok(map)
 }
+
+/// Tells of a map that is mirrored, if this one looks so.
+pub(super) fn tell_of_mirror(map: &GivenMap, image: &Path) {
+    let tets = map.domain.mesh().tets().len();
+    let flipped = flipped_tets(&map.domain, &map.image).len();
+    if flipped as f64 > MIRRORED * tets as f64 {
+        note(&format!(
+            "{flipped} of {tets} tets are turned over by this map: {image} looks like a mirror image, and no moving of vertices mends that; \
+             reflect it, which keeps every K: qcball map affine \"matrix=[[-1, 0, 0], [0, 1, 0], [0, 0, 1]]\" {image} OUT",
+            image = shown_path(image)
+        ));
+    }
+}
+
+/// The share of flipped tets beyond which a map passes for one that is mirrored: of random positions half are.
+const MIRRORED: f64 = 0.9;
 
 /// Tells what reading did to a file.
 pub(super) fn tell(path: &Path, notes: &[String]) {

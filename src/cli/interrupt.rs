@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::Failure;
-use super::output::show_error;
+use super::output::{fault, show_error};
 use crate::cancel::Cancel;
 use crate::experiment::{GRACE, RunError};
 
@@ -24,6 +24,7 @@ pub(super) fn cancel_run_on_signal(has_map: &Arc<AtomicBool>) -> Cancel {
     // Without a handler a signal ends the program as it always did.
     let _ = ctrlc::set_handler(move || {
         if raised.raise() {
+            fault("interrupted a second time: ended at once, and what was not yet written is lost");
             std::process::exit(i32::from(EXIT_CODE));
         }
         if has_map.load(Ordering::Relaxed) {

@@ -5,13 +5,13 @@ use std::time::Duration;
 
 use clap::Args;
 
-use super::inputs::{positive, read_map, refuse_to_write_over};
+use super::inputs::{positive, read_map, refuse_to_write_over, tell_of_mirror};
 use super::interrupt::cancel_on_signal;
-use super::output::{columns, fault, print};
+use super::output::{columns, fault, note, print};
 use super::progress::{Progress, ProgressArguments};
 use super::{Ending, Failure};
 use crate::cancel::Cancel;
-use crate::config::optimize_settings;
+use crate::config::{GivenMapSettings, optimize_settings};
 use crate::experiment::{RunError, Stage, on_threads, optimize_map, read_locks};
 use crate::mesh::io::{CellData, WriteError, check_file_can_be_put, check_tets_can_be_written, shown_path, write_tets};
 use crate::optimize::{BoundaryValues, Effort, Engine, Objective, OptimizeSettings, Polish, StopReason};
@@ -93,10 +93,18 @@ pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure>
     let kept_by = [(arguments.lock.is_some(), "--lock"), (arguments.keep_mesh, "--keep-mesh")];
     let kept_by = kept_by.into_iter().find_map(|(is_given, option)| is_given.then_some(option));
     let of_config = |path| optimize_settings(path, kept_by);
-    let (from_config, refined_by_config) = arguments.config.as_deref().map(of_config).transpose()?.unzip();
+    let from_config = arguments.config.as_deref().map(of_config).transpose()?;
+    if let Some(GivenMapSettings { idle, .. }) = from_config.as_ref().filter(|settings| !settings.idle.is_empty()) {
+        note(&format!(
+            "of the config only the tables [optimize], [boundary] and [refine] apply to a map that is given, and {} to `qcball run`",
+            idle.join(", ")
+        ));
+    }
+    let (from_config, refined_by_config) = from_config.map(|settings| (settings.optimize, settings.refine)).unzip();
     let progress = Progress::new(&arguments.told)?;
     progress.begin(Stage::Reading);
     let map = read_map(&arguments.rest, &arguments.init)?;
+    tell_of_mirror(&map, &arguments.init);
     let fixed = match &arguments.lock {
         Some(path) => {
             let locked = read_locks(path, map.kept.len())?;

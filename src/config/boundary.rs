@@ -7,8 +7,9 @@ use super::{Config, CornersName, CornersValue, InitialMap, MeshPlan};
 use crate::map::CornerChoice;
 use crate::mesh::VertexId;
 
-/// Exponents of corners: with others r^p leaves the range in which a map and its inverse can be told from rounding.
-const EXPONENTS: RangeInclusive<f64> = 0.05..=50.0;
+/// Exponents of distances, from a corner or from the centre: with others r^p leaves the range in which a map and its inverse can be told
+/// from rounding.
+pub(super) const EXPONENTS: RangeInclusive<f64> = 0.05..=50.0;
 
 /// The most tets that a collar may add, as a share of all.
 pub(super) fn collar(config: &Config, mesh: &MeshPlan) -> Result<f64, Fault> {

@@ -1,5 +1,6 @@
 //! The map to start from, and which keys of `[map]` each kind takes.
 
+use super::boundary::EXPONENTS;
 use super::error::{Fault, reworded};
 use super::limits::positive;
 use super::{Config, ExponentName, ExponentValue, MapKind, MapTable, MeshKind, solid};
@@ -61,7 +62,16 @@ fn radial_exponent(table: &MapTable) -> Result<Option<f64>, Fault> {
     match table.exponent {
         None => Ok(Some(1.0)),
         Some(ExponentValue::Named(ExponentName::Optimize)) => Ok(None),
-        Some(ExponentValue::Given(exponent)) => positive(Some(exponent), 1.0, &["map", "exponent"]).map(Some),
+        Some(ExponentValue::Given(exponent)) => {
+            let exponent = positive(Some(exponent), 1.0, &["map", "exponent"])?;
+            if !EXPONENTS.contains(&exponent) {
+                let (least, most) = (EXPONENTS.start(), EXPONENTS.end());
+                let message = format!("`map.exponent` is {exponent}, but must be a number from {least} to {most}");
+                let help = "the largest K of a radial map grows like the square of its exponent, or of 1 over it";
+                return Err(Fault::at(&["map", "exponent"], message, help));
+            }
+            Ok(Some(exponent))
+        }
     }
 }
 

@@ -19,7 +19,7 @@ mod sweep_table;
 mod task;
 
 pub use analytic::{AnalyticMeshPlan, AnalyticPlan, CaramanName, CaramanPlan, CellsPlan, MapPlan};
-pub use bench::{BenchPlan, optimize_settings};
+pub use bench::{BenchPlan, GivenMapSettings, optimize_settings};
 pub use error::ConfigError;
 pub use map::InitialMap;
 pub use mesh::MeshPlan;
@@ -276,7 +276,7 @@ pub struct MapTable {
     /// farthest boundary point on each ray: a map into a part of the ball that may overlap itself. The others are maps in
     /// closed form onto images of their own, whose values at the boundary vertices are kept.
     pub kind: MapKind,
-    /// Exponent a > 0 of the radial map: the point at the fraction t of the way to the surface goes to radius t^a; or
+    /// Exponent a from 0.05 to 50 of the radial map: the point at the fraction t of the way to the surface goes to radius t^a; or
     /// "optimize", the exponent with the least K. Default: 1. Of the map |x|^(a-1) x (power): any number but 0.
     pub exponent: Option<ExponentValue>,
     /// The matrix A of x -> A x + b, by rows (affine).
@@ -358,8 +358,8 @@ pub struct OptimizeTable {
     /// Whether to look for a map that commutes with the mirror planes of the mesh through the star centre, on one of the parts between
     /// them: for solids and meshes that have such planes, as those of mesh.kind = "flag" have the solid's. Default: false.
     pub symmetric: bool,
-    /// Exponent p > 0 of the objective "soft-max", which needs it and alone takes it.
-    #[schemars(extend("exclusiveMinimum" = 0))]
+    /// Exponent p > 0, at most 1e6, of the objective "soft-max", which needs it and alone takes it.
+    #[schemars(range(max = 1e6), extend("exclusiveMinimum" = 0))]
     pub exponent: Option<f64>,
     /// The method that moves the vertices. Default: "newton", projected Newton with a sparse factorization. "lbfgs",
     /// "newton-cg" and "trust-region" minimize the soft maxima; "mma", "ccsaq" and "slsqp" the largest K, on small meshes.
@@ -383,7 +383,7 @@ pub struct OptimizeTable {
     /// Most iterations over all phases, untangling not counted; 0 measures the start only. Default: 1000.
     #[schemars(range(min = 0))]
     pub max_iterations: Option<i64>,
-    /// Most seconds of untangling and optimizing, > 0. Default: no limit. A run that ends by it need not be repeatable.
+    /// Most seconds of untangling and optimizing, > 0, and of a mesher that no key asks for. Default: no limit. A run that ends by it need not be repeatable.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub time_limit: Option<f64>,
 }

@@ -18,6 +18,9 @@ use crate::optimize::{Objective, OptimizeSettings, Polish};
 use crate::refine::RefineSettings;
 use crate::solid::{CentreChoice, ExternalSettings, Refinement, RepairSettings, ShellSettings, Solid};
 
+/// The largest exponent of a soft maximum: with larger ones its terms are too far apart for the sum to have any but the largest.
+const MOST_EXPONENT: f64 = 1e6;
+
 /// A run that can be started.
 #[derive(Clone, Debug)]
 pub struct Plan {
@@ -283,6 +286,11 @@ pub(super) fn optimize(config: &Config) -> Result<OptimizeSettings, Fault> {
     let key = ["optimize", "exponent"];
     let objective = match (table.objective, table.exponent) {
         (ObjectiveName::Max | ObjectiveName::Ball, None) => Objective::Max,
+        (ObjectiveName::SoftMax, Some(exponent)) if exponent > MOST_EXPONENT && exponent.is_finite() => {
+            let message = format!("`optimize.exponent` is {exponent}, but must be at most {MOST_EXPONENT:e}");
+            let help = "the soft maximum with it is the largest K but for rounding: take objective = \"max\"";
+            return Err(Fault::at(&key, message, help));
+        }
         (ObjectiveName::SoftMax, Some(exponent)) => Objective::SoftMax(positive(Some(exponent), 48.0, &key)?),
         (name @ (ObjectiveName::Max | ObjectiveName::Ball), Some(_)) => {
             let name = if name == ObjectiveName::Max { "max" } else { "ball" };

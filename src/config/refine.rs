@@ -18,17 +18,19 @@ const MOST_TETS: i64 = 1_000_000_000;
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default, expecting = "the table [refine]")]
 pub struct RefineTable {
-    /// Most rounds, at least 0; each may add an equal part of the tets. Default: 8, which are enough, where this table has another
-    /// key, else 0: no refinement.
+    /// Most rounds, at least 0; each may add an equal part of the tets. Default: 8, which are enough, or 12 with `surface`, where this
+    /// table has another key, else 0: no refinement.
     #[schemars(range(min = 0, max = 1000))]
     pub rounds: Option<i64>,
-    /// Most tets that may be added in all: a number, or a share such as "5 %" of those there are. Default: "10 %".
+    /// Most tets that may be added in all: a number, or a share such as "5 %" of those there are. Default: "10 %", or "600 %" with
+    /// `surface`.
     pub tets: Option<BudgetValue>,
     /// Relative distance, > 0, from the best bound that refinement inside cannot change within which it ends. Default: 0.02.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub until: Option<f64>,
     /// Whether edges of the surface are halved as well, the solid staying what it is and new vertices going where the boundary map sends them.
-    /// What is lowered is K onto the ball then, which takes several times as many tets as there are. Default: false.
+    /// What is lowered is K onto the ball then, as with objective = "ball", which takes several times as many tets as there are.
+    /// Default: false.
     pub surface: Option<bool>,
 }
 

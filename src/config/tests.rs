@@ -378,14 +378,20 @@ fn a_map_without_a_solid_takes_no_key_that_would_be_passed_over() {
         ("optimize", "objective", "\"ball\""),
     ] {
         let message = read(&format!("[{table}]\n{key} = {value}\n")).unwrap_err().to_string();
-        assert!(message.contains(&format!("`{table}.{key}` is for `qcball run`")), "{message}");
+        assert!(message.contains(&format!("`{table}.{key}` ")) && message.contains("case.toml:2"), "{message}");
     }
     let sliding = read("[boundary]\nvalues = \"sliding\"\ncorners = \"linear\"\n[refine]\nrounds = 0\ntets = 5\n");
-    assert_eq!(sliding.unwrap().1, None);
+    assert_eq!(sliding.unwrap().refine, None);
     assert_eq!(
-        read("[refine]\nrounds = 2\n").unwrap().1,
+        read("[refine]\nrounds = 2\n").unwrap().refine,
         Some(RefineSettings { rounds: 2, ..RefineSettings::default() })
     );
+    // What a run heeds is named, so that one config may serve both.
+    let both =
+        read("threads = 2\n[domain]\nsolid = \"cube\"\n[mesh]\nlayers = 3\n[optimize]\ntolerance = 1e-3\n[bounds]\n")
+            .unwrap();
+    assert_eq!((both.idle, both.optimize.tolerance), (vec!["threads", "[domain]", "[mesh]", "[bounds]"], 1e-3));
+    assert!(read("[optimize]\ntolerance = 1e-3\n").unwrap().idle.is_empty());
     let message = read("[refine]\nsurface = true\n").unwrap_err().to_string();
     assert!(message.contains("`refine.surface` is for `qcball run`"), "{message}");
     std::fs::write(&path, "[refine]\nrounds = 2\n").unwrap();

@@ -59,6 +59,11 @@ pub enum RunError {
     },
 }
 
+/// How somebody learns the numbers of corners.
+const HOW_TO_FIND: &str = "without the key the corners are those that the solid's shape tells, and report.json of such a run, with max_iterations = 0 \
+     for one, lists them under `corners` with their numbers and positions; the numbers of all vertices are those of domain.vtu and of a mesh file, \
+     counted from 0";
+
 /// What a stage can refuse.
 #[derive(Debug, thiserror::Error)]
 pub enum Fault {
@@ -82,9 +87,12 @@ pub enum Fault {
     NoCorners,
     /// A corner that is none.
     #[error(
-        "boundary.corner_vertices: vertex {vertex} is not on the boundary of the mesh, which has the vertices 0 to {}; a corner is: name \
-         others, or remove the key to have those that the solid's shape tells",
-        vertices - 1
+        "boundary.corner_vertices: {}; {HOW_TO_FIND}",
+        if (*vertex as usize) < *vertices {
+            format!("vertex {vertex} lies inside of the mesh, and corners lie on its boundary")
+        } else {
+            format!("there is no vertex {vertex}, the mesh has those from 0 to {}", vertices - 1)
+        }
     )]
     CornerVertex {
         /// The vertex.
@@ -95,7 +103,7 @@ pub enum Fault {
     /// A corner that no flag has.
     #[error(
         "boundary.corner_vertices: vertex {vertex} is no corner of the polyhedron that the flags are of; name only such, or choose another \
-         mesh.kind"
+         mesh.kind; {HOW_TO_FIND}"
     )]
     NoFlags {
         /// The vertex.

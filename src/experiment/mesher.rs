@@ -39,7 +39,12 @@ pub(super) fn instead_of_shells(
     plan: &Plan,
 ) -> Option<TetMesh> {
     let wanted = is_grazed(centre, plan) && shell_keys.is_empty();
-    wanted.then(|| mesh_of_any_solid(surface, external, &plan.optimize.cancel).ok()).flatten()
+    // It may take minutes over a sheet, for nothing.
+    let settings = ExternalSettings {
+        time_limit: plan.optimize.time_limit.map_or(external.time_limit, |limit| limit.min(external.time_limit)),
+        ..external.clone()
+    };
+    wanted.then(|| mesh_of_any_solid(surface, &settings, &plan.optimize.cancel).ok()).flatten()
 }
 
 /// What is said where the surface as it is takes more tets than the config asks for.

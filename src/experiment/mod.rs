@@ -232,6 +232,7 @@ fn stages(plan: &Plan, tell: &mut dyn FnMut(Event)) -> Result<Finished, RunError
         refined,
         stop: interrupted(cancel).unwrap_or(outcome.stop),
         kkt: outcome.kkt,
+        tolerance: Some(plan.optimize.effort.accuracy(plan.optimize.tolerance)),
         iterations: outcome.trace.len().saturating_sub(1),
         times: Times::since(clock, untangled.seconds),
     };

@@ -194,6 +194,7 @@ pub fn optimize_map(
         refined,
         stop: interrupted(&settings.cancel).unwrap_or(outcome.stop),
         kkt: outcome.kkt,
+        tolerance: Some(settings.effort.accuracy(settings.tolerance)),
         iterations: outcome.trace.len().saturating_sub(1),
         times: Times::since(clock, untangled.seconds),
     };

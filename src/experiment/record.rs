@@ -30,6 +30,7 @@ pub(crate) struct Course {
     pub refined: Option<RefinedFigures>,
     pub stop: StopReason,
     pub kkt: Option<KktResidual>,
+    pub tolerance: Option<f64>,
     pub iterations: usize,
     pub times: Times,
 }
@@ -57,6 +58,7 @@ impl Course {
             bounds,
             stop: self.stop,
             kkt: self.kkt,
+            tolerance: self.tolerance,
             iterations: self.iterations,
             times: self.times,
         }
@@ -151,9 +153,11 @@ fn sliver_warning(start: &Start, after: &Measured) -> Option<String> {
         return None;
     }
     let [x, y, z] = unit.give_back_points(&[mesh.corners(thinnest.tet).iter().sum::<Vec3>() / 4.0])[0].into();
+    let others =
+        if slivers.len() == mesh.tets().len() { String::new() } else { format!(", of the others {others:.4}") };
     Some(format!(
         "{} of {} tets ({:.2} %) are slivers, of a volume below {THIN:e} of the cube of their longest edge, and the largest K is one's: \
-         {thin:.4}, of the others {others:.4}. The thinnest, {:.1e}, is tet {} at ({x:.6}, {y:.6}, {z:.6}); remesh the solid \
+         {thin:.4}{others}. The thinnest, {:.1e}, is tet {} at ({x:.6}, {y:.6}, {z:.6}); remesh the solid \
          without them",
         slivers.len(),
         mesh.tets().len(),

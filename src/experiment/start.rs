@@ -77,7 +77,9 @@ impl Start {
     /// The cones of the corners, if the plan warps them.
     fn with_corners(self, plan: &Plan) -> Result<Self, RunError> {
         let corners = corners(&self.domain, self.flags.as_ref(), plan).map_err(RunError::at(&self.origin))?;
-        Ok(Self { corners, symmetric: plan.symmetric, ..self })
+        let mut warnings = self.warnings;
+        warnings.extend(self.splits.and_then(halved_for_corners));
+        Ok(Self { corners, symmetric: plan.symmetric, warnings, ..self })
     }
 
     /// Measures the map with these images of the vertices, onto the ball too, unless that is cancelled.
@@ -468,6 +470,18 @@ fn surface_of(mut soup: PolygonSoup, path: &Path, plan: &Plan) -> Result<(Surfac
     soup.points = unit.take_points(&soup.points);
     let surface = Surface::repaired(soup, &plan.repair).map_err(RunError::at(&named(path, unit)))?;
     Ok((surface, unit))
+}
+
+/// What edges that were halved between corners may cost.
+fn halved_for_corners(splits: Splits) -> Option<String> {
+    let edges = splits.corners;
+    (edges > 0).then(|| {
+        format!(
+            "{edges} edges from corner to corner were halved, since the map can be like a power at one corner of a tet only; on a mesh so coarse \
+             that raises K, and may cost more than the powers gain: compare with boundary.corners = \"linear\", which leaves the mesh as it is, or \
+             ask for more tets"
+        )
+    })
 }
 
 /// A file in an error, which may name places.

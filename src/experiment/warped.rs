@@ -39,8 +39,8 @@ pub(super) fn chamber(start: &Start, image: &[Vec3]) -> Option<Vec<TetId>> {
     (is_symmetric(&offsets) && is_symmetric(image)).then(|| mirrors.tets().to_vec())
 }
 
-/// Optimizes the images of the vertices for the exponents that a start's corners have; if they are to be found, for those that a search
-/// by K onto the polyhedron ends with: those for K onto the ball are about the same. Without iterations none are sought. Gives the corners with the exponents arrived at.
+/// Optimizes the images of the vertices for the exponents that a start's corners have; if they are to be found, for those that a search ends
+/// with. Without iterations none are sought. Gives the corners with the exponents arrived at.
 pub(super) fn optimize_warped(
     start: &Start,
     plan: &Plan,

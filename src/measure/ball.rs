@@ -94,6 +94,11 @@ const TOLERANCE: f64 = 1e-4;
 const ROUGH: f64 = 1e-2;
 /// See [`TOLERANCE`].
 const POLYGONS: (usize, usize) = (200_000, 10);
+/// The work after which tets are bounded as a whole only, in [`Effort::work`], and so much more a tet. Ordinary meshes take a tenth of it or less;
+/// but in an image as flat as a sheet a tet meets a share of all cones.
+const WORK: (usize, usize) = (400_000, 2);
+/// Cones that are looked at in the time of one polygon, where they are needles and exact predicates have to tell.
+const CONES_A_POLYGON: usize = 2;
 /// How near the two ends are brought where there are warps.
 const TOLERANCE_WARPED: f64 = 1e-3;
 /// How far below the largest K at a corner one may be by rounding, relative, that is looked at in intervals as well.
@@ -142,6 +147,19 @@ fn enclosed(
     part: Option<&[TetId]>,
     cancel: &Cancel,
 ) -> Result<Option<BallDilatation>, NotOntoBall> {
+    let work = WORK.0 + WORK.1 * domain.mesh().tets().len();
+    enclosed_by(domain, corners, image, part, cancel, work)
+}
+
+/// The same by so much work; what is then left is bounded as a whole.
+fn enclosed_by(
+    domain: &Domain,
+    corners: Option<&Corners>,
+    image: &[Vec3],
+    part: Option<&[TetId]>,
+    cancel: &Cancel,
+    mut work: usize,
+) -> Result<Option<BallDilatation>, NotOntoBall> {
     if cancel.is_raised() {
         return Ok(None);
     }
@@ -171,6 +189,8 @@ fn enclosed(
     // The tets that are looked at.
     let chosen: Vec<usize> =
         part.map_or_else(|| (0..tets.len()).collect(), |part| part.iter().map(|t| t.index()).collect());
+    // Each tet takes a fraction of a second at most, all of them minutes.
+    let goes_on = || !cancel.is_raised();
     let cones = &onto.cones;
     // Every direction of a boundary triangle is one of its tet. Of a warped tet points are looked at, since only at these its
     // direction and its own matrix are known together.
@@ -191,7 +211,7 @@ fn enclosed(
             let map = map(owners[index].index());
             attained(map.largest(map.at(&cones.get(index).normal, &corner), 0.0))
         });
-    let of_warped = chosen.par_iter().map(|&tet| TetId(tet as u32)).filter(|tet| !linear(tet));
+    let of_warped = chosen.par_iter().map(|&tet| TetId(tet as u32)).filter(|tet| goes_on() && !linear(tet));
     let of_warped = of_warped.map(|tet| attained(onto.sampled(tet))).reduce(|| 1.0, f64::max);
     let found = BallDilatation { certified: 1.0, sampled: at_boundary.reduce(|| 1.0, f64::max).max(of_warped) };
     // The tets of largest K first: once theirs are known, most of the others are passed over.
@@ -201,46 +221,57 @@ fn enclosed(
     let low = (found.sampled / most).next_down().next_down();
     let may_exceed = |tet: usize| !linear(&TetId(tet as u32)) || TetMap::may_exceed(&rest(tet), &positions(tet), low);
     let largest = |tet: usize| warped(tet).map_or_else(|| map(tet).k(), |warped| warped.k());
-    let mut order: Vec<(f64, usize)> =
-        chosen.into_par_iter().filter(|&tet| may_exceed(tet)).map(|tet| (bound(largest(tet)), tet)).collect();
+    let mut order: Vec<(f64, usize)> = chosen
+        .into_par_iter()
+        .filter(|&tet| goes_on() && may_exceed(tet))
+        .map(|tet| (bound(largest(tet)), tet))
+        .collect();
     order.par_sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    // Of the tet as a whole, by the largest K that the radial map has in any cone that it may meet.
+    let as_a_whole = |tet: usize| {
+        let cap = *Shadow::of(&positions(tet)).cap();
+        product(largest(tet), cones.largest_stretch_near(&cap))
+    };
     let of_linear = (0..tets.len() as u32).all(|tet| linear(&TetId(tet)));
     // From what was sampled.
     let first = found;
-    let bounded = |snaps: bool| {
+    let bounded = |snaps: bool, work: &mut usize| {
         let mut found = first;
         let room = if of_linear && !snaps { 1.0 } else { 1.0 + TOLERANCE_WARPED };
         let mut left = POLYGONS.0 + POLYGONS.1 * tets.len();
-        for batch in order.chunks(BATCH) {
+        for (number, batch) in order.chunks(BATCH).enumerate() {
             let floor = found.certified.max(found.sampled * room);
             if batch[0].0 <= floor {
                 break;
             }
-            if cancel.is_raised() {
-                return None;
+            if *work == 0 {
+                let rest = order[number * BATCH..].par_iter().filter(|(bound, _)| goes_on() && *bound > floor);
+                let largest = rest.map(|(_, tet)| as_a_whole(*tet)).reduce(|| 1.0, f64::max);
+                found.certified = found.certified.max(largest);
+                break;
             }
             let tolerance = if left > 0 { TOLERANCE } else { ROUGH };
-            let bounded = batch.par_iter().filter(|(bound, _)| *bound > floor);
-            let larger = |(a, n): (BallDilatation, usize), (b, m): (BallDilatation, usize)| {
-                let (certified, sampled) = (a.certified.max(b.certified), a.sampled.max(b.sampled));
-                (BallDilatation { certified, sampled }, n + m)
-            };
+            let bounded = batch.par_iter().filter(|(bound, _)| goes_on() && *bound > floor);
             let bounded = bounded.map(|&(_, tet)| match warped(tet) {
                 None => of_tet(&map(tet), &positions(tet), snaps, cones, floor, tolerance),
                 Some(warped) => warped.bound(floor),
             });
-            let (more, polygons) = bounded.reduce(|| (found, 0), larger);
-            (found, left) = (more, left.saturating_sub(polygons));
+            let (more, effort) = bounded.reduce(|| (found, Effort::default()), larger);
+            (found, left) = (more, left.saturating_sub(effort.polygons));
+            *work = work.saturating_sub(effort.work());
+        }
+        if !goes_on() {
+            return None;
         }
         // What was passed over is no larger than either.
         Some(BallDilatation { certified: found.certified.max(found.sampled * room), ..found })
     };
-    let Some(found) = bounded(false) else { return Ok(None) };
+    let Some(found) = bounded(false, &mut work) else { return Ok(None) };
     if !(of_linear && found.certified > found.sampled * (1.0 + ROUGH)) {
         return Ok(Some(found));
     }
     // Slivers that are there by rounding alone may have decided.
-    let snapped = bounded(true);
+    let snapped = bounded(true, &mut work);
     Ok(snapped.map(|snapped| BallDilatation {
         certified: snapped.certified.max(found.sampled).min(found.certified),
         ..found
@@ -321,7 +352,30 @@ fn attained(k: f64) -> f64 {
     if k.is_finite() { k * (1.0 - 1e-9) } else { 1.0 }
 }
 
-/// The largest K of one tet in the cones that its image meets, and how many polygons that took. What lies below `floor` need
+/// What bounds take.
+#[derive(Clone, Copy, Default)]
+struct Effort {
+    /// Polygons, or simplices, that were looked into.
+    polygons: usize,
+    /// Cones that were looked at.
+    cones: usize,
+}
+
+impl Effort {
+    /// The time it takes, in that of a polygon.
+    fn work(self) -> usize {
+        self.polygons + self.cones / CONES_A_POLYGON
+    }
+}
+
+/// What holds for two parts together.
+fn larger((a, of_a): (BallDilatation, Effort), (b, of_b): (BallDilatation, Effort)) -> (BallDilatation, Effort) {
+    let (certified, sampled) = (a.certified.max(b.certified), a.sampled.max(b.sampled));
+    let effort = Effort { polygons: of_a.polygons + of_b.polygons, cones: of_a.cones + of_b.cones };
+    (BallDilatation { certified, sampled }, effort)
+}
+
+/// The largest K of one tet in the cones that its image meets, and what that took. What lies below `floor` need
 /// not be known better, and nothing better than to `tolerance`. If it `snaps`, vertices near the sides of cones are taken to lie on them
 /// ([`pieces`]).
 fn of_tet(
@@ -331,9 +385,10 @@ fn of_tet(
     cones: &Cones,
     floor: f64,
     tolerance: f64,
-) -> (BallDilatation, usize) {
+) -> (BallDilatation, Effort) {
+    let mut effort = Effort::default();
     if map.k().is_infinite() {
-        return (BallDilatation { certified: f64::INFINITY, sampled: 1.0 }, 0);
+        return (BallDilatation { certified: f64::INFINITY, sampled: 1.0 }, effort);
     }
     let shadow = Shadow::of(corners);
     let moved = if snaps { pieces::moved_by_snapping(corners) } else { 0.0 };
@@ -341,21 +396,21 @@ fn of_tet(
     let misses = |cone: &Cone| if snaps { shadow.nearly_misses(cone) } else { shadow.misses(cone) };
     // Rounded down, so that no product with K is above the floor.
     cones.for_each_near(shadow.cap(), (floor / map.k()).next_down().next_down(), &mut |index| {
+        effort.cones += 1;
         let cone = cones.get(index);
         if product(map.k(), cone.stretch) > floor && !misses(cone) {
             Polygon::of(&shadow, cone, map).into_iter().for_each(|polygon| search.take(polygon, index, cone));
         }
     });
-    let mut made = 0;
     while let Some(Queued { bound, index, polygon }) = search.queue.pop() {
-        made += 1;
-        if bound <= search.wanted || made > MOST_POLYGONS {
-            return (BallDilatation { certified: bound, sampled: search.sampled }, made);
+        effort.polygons += 1;
+        if bound <= search.wanted || effort.polygons > MOST_POLYGONS {
+            return (BallDilatation { certified: bound, sampled: search.sampled }, effort);
         }
         let cone = cones.get(index);
         polygon.halved(map, cone).into_iter().for_each(|half| search.take(half, index, cone));
     }
-    (BallDilatation { certified: 1.0, sampled: search.sampled }, made)
+    (BallDilatation { certified: 1.0, sampled: search.sampled }, effort)
 }
 
 /// The polygons of one tet, and how far they are to be halved.

@@ -52,8 +52,13 @@ pub enum Effort {
 }
 
 impl Effort {
+    /// The accuracy in ln K at which the last phase ends, where this one is asked for.
+    pub(crate) fn accuracy(self, tolerance: f64) -> f64 {
+        tolerance.max(self.least_tolerance())
+    }
+
     /// The accuracy in ln K below which no more is done. The maximum may be violated by as much as the multipliers say is left.
-    pub(super) fn least_tolerance(self) -> f64 {
+    fn least_tolerance(self) -> f64 {
         match self {
             Self::Quick => 5e-3,
             Self::Normal | Self::Thorough => 0.0,

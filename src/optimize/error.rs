@@ -12,19 +12,24 @@ pub enum OptimizeError {
     FlippedStart(usize),
     /// A boundary that is to slide on a sphere about the origin and is not on one.
     #[error(
-        "vertex {vertex} of the boundary lies at the distance {radius} from the origin, the first one at {of_first}: boundary values slide on a sphere about the origin only; keep them fixed, or start from a map onto the ball"
+        "of the image started from, vertex {vertex} of the boundary lies at the distance {radius} from the origin, and vertex {first} at {of_first} \
+         (vertices are counted from 0): boundary values slide on a sphere about the origin only; keep them fixed, or start from a map onto the \
+         ball"
     )]
     NotOnSphere {
         /// The vertex, counted from 0.
         vertex: u32,
         /// Its distance from the origin.
         radius: f64,
-        /// That of the first vertex of the boundary.
+        /// The first vertex of the boundary.
+        first: u32,
+        /// Its distance.
         of_first: f64,
     },
     /// A boundary that is to slide and is no image of a sphere without folds.
     #[error(
-        "the triangle {0:?} of the boundary does not face away from the origin (vertices are counted from 0): boundary values slide where the image is star-shaped about it; keep them fixed, or start from a map onto the ball"
+        "of the image started from, the triangle {0:?} of the boundary does not face away from the origin (vertices are counted from 0): boundary \
+         values slide where the image is star-shaped about it; keep them fixed, or start from a map onto the ball"
     )]
     TurnedTriangle([u32; 3]),
     /// A map that is to be improved onto the ball and is not onto it.

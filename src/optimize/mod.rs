@@ -249,8 +249,7 @@ pub fn optimize_from(
     settings: &OptimizeSettings,
     observe: &mut dyn FnMut(&TraceRow),
 ) -> Result<Outcome, OptimizeError> {
-    let tolerance = settings.tolerance.max(settings.effort.least_tolerance());
-    let settings = &OptimizeSettings { tolerance, ..settings.clone() };
+    let settings = &OptimizeSettings { tolerance: settings.effort.accuracy(settings.tolerance), ..settings.clone() };
     settings.engine.check(settings.objective, settings.boundary_values)?;
     settings.engine.check_size(domain.mesh().tets().len())?;
     let unknowns = unknowns(domain, start, fixed, settings.boundary_values)?;
@@ -337,10 +336,16 @@ fn unknowns(
     }
     let boundary = domain.boundary().vertex_mask();
     let radius = |v: usize| start[v].norm();
-    let of_first = (0..start.len()).find(|&v| boundary[v]).map_or(0.0, radius);
+    let first = (0..start.len()).find(|&v| boundary[v]).unwrap_or(0);
+    let of_first = start.get(first).map_or(0.0, |p| p.norm());
     let off = |v: &usize| boundary[*v] && !((radius(*v) - of_first).abs() <= ON_SPHERE * of_first && of_first > 0.0);
     if let Some(vertex) = (0..start.len()).find(off) {
-        return Err(OptimizeError::NotOnSphere { vertex: vertex as u32, radius: radius(vertex), of_first });
+        return Err(OptimizeError::NotOnSphere {
+            vertex: vertex as u32,
+            radius: radius(vertex),
+            first: first as u32,
+            of_first,
+        });
     }
     let freedom = |(&fixed, &on_boundary): (&bool, &bool)| match (fixed, on_boundary) {
         (_, true) => Freedom::OnSphere,

@@ -80,16 +80,30 @@ impl Warped<'_> {
         if !self.onto_ball {
             return self.solved(&plain, Start::Anywhere, start, settings, &mut |row, _| observe(row));
         }
+        self.lowered_onto_ball(&plain, (Start::Anywhere, start), (usize::MAX, settings), observe)
+            .map(|(outcome, _)| outcome)
+    }
+
+    /// Lowers K onto the ball from a start in so many rounds at most; the first map is told too, as it came from the problem onto the polyhedron.
+    fn lowered_onto_ball(
+        &self,
+        plain: &Domain,
+        (known, start): (Start, &[Vec3]),
+        (rounds, settings): (usize, &OptimizeSettings),
+        observe: &mut dyn FnMut(&TraceRow),
+    ) -> Result<(Outcome, Outcome), OptimizeError> {
         let settings = OptimizeSettings { objective: Objective::Max, polish: Polish::None, ..settings.starting_now() };
-        let (mut now, least) = self.first(&plain, start, &settings, observe)?;
-        let held = match self.held(&now.positions, settings.objective) {
+        let (first, least) = self.first(plain, (known, start), &settings, observe)?;
+        let mut now = Outcome { kkt: None, multipliers: Vec::new(), ..first.clone() };
+        let held = match self.held(&now.positions, &settings) {
             Ok(held) if went_to_its_end(now.stop) && held.k <= FROM_LAST * least.k => held,
             _ => {
                 now.positions.clone_from(&least.image);
-                self.held(&least.image, settings.objective)?
+                self.held(&least.image, &settings)?
             }
         };
-        self.rounds_onto_ball(now, (held, least), &plain, (usize::MAX, &settings), observe)
+        let outcome = self.rounds_onto_ball(now, (held, least), plain, (rounds, &settings), observe)?;
+        Ok((outcome, first))
     }
 
     /// Lowers K onto the ball of a piecewise-linear map that was settled, in so many rounds at most. With a soft maximum as objective that of
@@ -104,7 +118,7 @@ impl Warped<'_> {
         settings: &OptimizeSettings,
         observe: &mut dyn FnMut(&TraceRow),
     ) -> Result<Outcome, OptimizeError> {
-        let held = self.held(&settled.positions, settings.objective)?;
+        let held = self.held(&settled.positions, settings)?;
         let least = Least { k: held.k, image: settled.positions.clone() };
         let settings = OptimizeSettings { polish: Polish::None, ..settings.starting_now() };
         let settled = Outcome { kkt: None, multipliers: Vec::new(), ..settled };
@@ -128,6 +142,10 @@ impl Warped<'_> {
         for _ in 0..rounds {
             // What ended the rest is told.
             if !went_to_its_end(now.stop) {
+                break;
+            }
+            if let Some(due) = StopReason::of(&settings.cancel) {
+                now.stop = due;
                 break;
             }
             if now.trace.len() > settings.max_iterations {
@@ -196,20 +214,20 @@ impl Warped<'_> {
     fn first(
         &self,
         plain: &Domain,
-        start: &[Vec3],
+        (known, start): (Start, &[Vec3]),
         settings: &OptimizeSettings,
         observe: &mut dyn FnMut(&TraceRow),
     ) -> Result<(Outcome, Least), OptimizeError> {
-        let mut least = Least { k: self.held(start, settings.objective)?.k, image: start.to_vec() };
-        let last = self.solved(plain, Start::Anywhere, start, settings, &mut |row, image| {
+        let mut least = Least { k: self.held(start, settings)?.k, image: start.to_vec() };
+        let last = self.solved(plain, known, start, settings, &mut |row, image| {
             observe(row);
             let image = self.whole(image);
-            let k = self.k_onto_ball(&image);
+            let k = self.k_onto_ball(&image, settings);
             if k < least.k {
                 least = Least { k, image };
             }
         })?;
-        Ok((Outcome { kkt: None, multipliers: Vec::new(), ..last }, least))
+        Ok((last, least))
     }
 
     /// The image of least K onto the ball among some on the way from one to another, if it is below `k`, with the share of the way and its
@@ -225,7 +243,7 @@ impl Warped<'_> {
         let mut best: Option<OnTheWay> = None;
         for share in SHARES {
             let image = self.part_of_the_way([from, to], share, settings);
-            let Ok(trial) = self.held(&image, settings.objective) else { continue };
+            let Ok(trial) = self.held(&image, settings) else { continue };
             farthest.get_or_insert_with(|| trial.large());
             let least = best.as_ref().map_or(k, |best| best.held.k);
             if trial.k < least {
@@ -301,20 +319,24 @@ impl Warped<'_> {
         self.mirrors.map_or(image.clone(), |mirrors| mirrors.unfolded(&mirrors.folded(&image)))
     }
 
-    /// The largest K onto the ball, infinite where there is none.
-    fn k_onto_ball(&self, image: &[Vec3]) -> f64 {
-        let largest = |onto: OntoBall<'_>| -> Vec<f64> {
-            let of_tet = |tet| onto.factors(tet, 0.0).iter().map(|factor| factor.k).fold(1.0, f64::max);
-            self.tets().into_par_iter().map(of_tet).collect()
+    /// The largest K onto the ball, infinite where there is none or the work is to end before it is known.
+    fn k_onto_ball(&self, image: &[Vec3], settings: &OptimizeSettings) -> f64 {
+        let Ok(onto) = OntoBall::new(self.domain, self.corners, image) else { return f64::INFINITY };
+        let of_tet = |tet| match settings.cancel.is_due() {
+            true => f64::INFINITY,
+            false => onto.factors(tet, 0.0).iter().map(|factor| factor.k).fold(1.0, f64::max),
         };
-        let onto = OntoBall::new(self.domain, self.corners, image);
-        onto.map_or(f64::INFINITY, |onto| largest(onto).into_iter().fold(1.0, f64::max))
+        let largest: Vec<f64> = self.tets().into_par_iter().map(of_tet).collect();
+        largest.into_iter().fold(1.0, f64::max)
     }
 
-    /// All factors of tets of large K onto the ball, and the worst of the others. An image with a flipped tet has infinite K.
-    fn held(&self, image: &[Vec3], objective: Objective) -> Result<Held, NotOntoBall> {
+    /// All factors of tets of large K onto the ball, and the worst of the others. An image with a flipped tet has infinite K, and so has one
+    /// whose factors are not known when the work is to end.
+    fn held(&self, image: &[Vec3], settings: &OptimizeSettings) -> Result<Held, NotOntoBall> {
         let onto = OntoBall::new(self.domain, self.corners, image)?;
-        let all: Vec<Vec<Factor>> = self.tets().into_par_iter().map(|tet| onto.factors(tet, 0.0)).collect();
+        let factors = |tet| if settings.cancel.is_due() { Vec::new() } else { onto.factors(tet, 0.0) };
+        let all: Vec<Vec<Factor>> = self.tets().into_par_iter().map(factors).collect();
+        let is_whole = !settings.cancel.is_due();
         let k = all.iter().flatten().map(|factor| factor.k).fold(1.0, f64::max);
         let least = (NEAR.0 * k.ln()).exp();
         let kept = |of_tet: &Vec<Factor>| -> (Vec<(Mat3, Afterwards)>, usize) {
@@ -331,7 +353,8 @@ impl Warped<'_> {
         };
         let (factors, large) = all.iter().map(kept).unzip();
         let of_tets = all.iter().map(|of_tet| of_tet.iter().map(|factor| factor.k).fold(1.0, f64::max));
-        Ok(Held { k: largest(of_tets, objective), factors, large })
+        let k = if is_whole { largest(of_tets, settings.objective) } else { f64::INFINITY };
+        Ok(Held { k, factors, large })
     }
 }
 

@@ -37,6 +37,9 @@ pub struct Achieved {
     pub stop: StopReason,
     /// How far the minimax solution, before any polish, is from stationary; none where the minimax phase was not reached.
     pub kkt: Option<KktResidual>,
+    /// The accuracy in ln K at which the last phase was to end; `null` in records that are older than this figure.
+    #[serde(default)]
+    pub tolerance: Option<f64>,
     /// Iterations over all phases.
     pub iterations: usize,
     /// What depends on the machine and its load.

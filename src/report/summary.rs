@@ -171,7 +171,8 @@ fn refined_line(columns: usize, achieved: &Achieved) -> String {
         RefineEnd::Rounds => "these were all that were asked for",
         RefineEnd::NoEdge => "no edge is left that gains anything where it is halved",
         RefineEnd::NoGain => {
-            "K onto the ball was larger on every finer mesh, so none was kept: more tets may bring it down"
+            "K onto the ball was larger on each of the meshes that were tried, so none was kept; a surface that is finer all over (mesh.cells) may \
+             bring it down, or a larger refine.tets"
         }
         RefineEnd::NotSettled => "the map was not settled",
     };
@@ -203,7 +204,8 @@ fn refined_line(columns: usize, achieved: &Achieved) -> String {
     };
     let share = percent(added as f64 / *tets_before as f64);
     let count = rounds.len();
-    let of_surface = if *surface { ", on the surface too" } else { "" };
+    let of_surface =
+        if *surface { ", on the surface too, for K onto the ball as with objective = \"ball\"" } else { "" };
     let text = format!(
         "{count} round{} where K sits{of_surface}{flipped}, {added} tet{} added ({share}){reached}{nothing}; {why}",
         s(count),
@@ -308,8 +310,8 @@ fn risen_warning(columns: usize, achieved: &Achieved) -> String {
         return String::new();
     }
     let text = format!(
-        "the largest K rose from the start's {} to {}: a soft maximum weighs it against all other tets, and a large optimize.rise \
-         against the mean; optimize.objective = \"max\" lowers it",
+        "the largest K rose from the start's {} to {}: a soft maximum weighs it against all other tets, a large optimize.rise against the \
+         mean, and what lowers K onto the ball against that; optimize.objective = \"max\" lowers it",
         number(start),
         number(last)
     );
@@ -341,7 +343,7 @@ fn bottleneck_in_words(bottleneck: &Bottleneck, decimals: Option<usize>) -> Stri
 
 /// Why an optimization ended, in words.
 fn stop_in_words(achieved: &Achieved) -> String {
-    let &Achieved { stop, kkt, iterations, .. } = achieved;
+    let &Achieved { stop, kkt, tolerance, iterations, .. } = achieved;
     let untangling = achieved.untangling.as_ref().map_or(0, |untangling| untangling.iterations);
     if stop == StopReason::IterationLimit && iterations + untangling == 0 {
         return "no iteration was allowed: the final map is the start".into();
@@ -353,10 +355,15 @@ fn stop_in_words(achieved: &Achieved) -> String {
             None => ("converged", ""),
             Some(kkt) => {
                 let residual = kkt.largest();
-                crawled = format!(
-                    "its steps became too small to gain more, but the largest K is not at a stationary point (KKT residual \
-                     {residual:.0e}; 1e-6 or less at one)"
-                );
+                crawled = match tolerance.filter(|tolerance| residual <= *tolerance) {
+                    Some(tolerance) => format!(
+                        "as near to a stationary point as was asked for (KKT residual {residual:.1e}, tolerance {tolerance:e})"
+                    ),
+                    None => format!(
+                        "its steps became too small to gain more, but the largest K is not at a stationary point (KKT \
+                         residual {residual:.1e}; 1e-6 or less at one)"
+                    ),
+                };
                 (crawled.as_str(), "")
             }
         },

@@ -81,6 +81,7 @@ fn write(flip: bool) -> (tempfile::TempDir, Report) {
             bounds,
             stop: StopReason::Converged,
             kkt: None,
+            tolerance: Some(1e-5),
             iterations: 1,
             times: TIMES,
         },
@@ -162,7 +163,7 @@ fn the_report_has_the_fixed_keys_in_a_fixed_order() {
     let keys = "name version revision config config_hash overrides seed input_hash domain refinement map \
                 radial_exponent radial_smooth_k closed_form_k boundary_map corners distortion bijective \
                 bijective_reason bottleneck trace_hash warnings config_text splits initial untangling refined final \
-                active bounds best_bound gap ball_fraction ball_bound ball_gap ball_reason limit stop kkt iterations \
+                active bounds best_bound gap ball_fraction ball_bound ball_gap ball_reason limit stop kkt tolerance iterations \
                 threads seconds untangling_seconds cpu_seconds peak_memory_mib";
     let lines = text.lines().filter_map(|line| line.strip_prefix("  \"")?.split_once("\": "));
     assert_eq!(lines.map(|(key, _)| key).collect::<Vec<_>>(), keys.split(' ').collect::<Vec<_>>());
@@ -310,9 +311,15 @@ fn an_end_that_is_no_optimum_says_so() {
     let (_folder, mut report) = write(false);
     let text = |report: &Report| summary(report).split_whitespace().collect::<Vec<_>>().join(" ");
     report.achieved.kkt = Some(KktResidual { primal: 0.0, dual: 1.0, complementarity: 0.0 });
-    let crawled = "stopped its steps became too small to gain more, but the largest K is not at a stationary point (KKT residual 1e0; \
+    let crawled = "stopped its steps became too small to gain more, but the largest K is not at a stationary point (KKT residual 1.0e0; \
                    1e-6 or less at one) after 1 iteration";
     assert!(text(&report).contains(crawled) && !text(&report).contains("converged"), "{}", text(&report));
+    // What was asked for was reached, with the residual told to two figures.
+    report.achieved.kkt = Some(KktResidual { primal: 0.0, dual: 1.26e-6, complementarity: 0.0 });
+    let reached = "stopped as near to a stationary point as was asked for (KKT residual 1.3e-6, tolerance 1e-5) after 1 iteration";
+    assert!(text(&report).contains(reached), "{}", text(&report));
+    report.achieved.tolerance = None;
+    assert!(text(&report).contains("(KKT residual 1.3e-6; 1e-6 or less at one)"), "{}", text(&report));
     (report.achieved.kkt, report.achieved.stop, report.achieved.iterations) = (None, StopReason::IterationLimit, 0);
     assert!(text(&report).contains("stopped no iteration was allowed: the final map is the start"));
     report.achieved.iterations = 3;

@@ -133,6 +133,7 @@ fn figures(
         refined: told.refined.clone(),
         stop: told.stop,
         kkt: told.kkt,
+        tolerance: told.tolerance,
         iterations: told.iterations,
         times: told.times,
     };
@@ -176,7 +177,7 @@ fn cells(files: &Files, measured: &Measured, findings: &mut Findings) -> f64 {
     findings.begin("K_I, K_O and K of every tet lie between their proved ends");
     let threshold = measured.summary.max_k * (1.0 - ACTIVE);
     let on_boundary = files.domain.boundary().vertex_mask();
-    let mut upper: f64 = 1.0;
+    let (mut upper, mut undecided): (f64, Vec<TetId>) = (1.0, Vec::new());
     let flipped: BTreeSet<TetId> = measured.flipped.iter().copied().collect();
     for (tet, row) in (0..).map(TetId).zip(&files.cells) {
         let mut enclosures = enclosed_dilatations(&files.domain, files.corners.as_ref(), tet, &files.image);
@@ -186,6 +187,9 @@ fn cells(files: &Files, measured: &Measured, findings: &mut Findings) -> f64 {
         let [inner, outer] = enclosures;
         let larger = Enclosure { lower: inner.lower.max(outer.lower), upper: inner.upper.max(outer.upper) };
         upper = upper.max(larger.upper);
+        if larger.upper.is_infinite() && !flipped.contains(&tet) {
+            undecided.push(tet);
+        }
         for (name, value, ends) in
             [("k_inner", row.k_inner, inner), ("k_outer", row.k_outer, outer), ("k", row.k, larger)]
         {
@@ -201,6 +205,13 @@ fn cells(files: &Files, measured: &Measured, findings: &mut Findings) -> f64 {
         findings.expect(row.locked == corners.iter().all(|v| on_boundary[v.index()]), || {
             format!("tet {}: locked is {} in cells.csv", tet.0, row.locked)
         });
+    }
+    if let Some((first, others)) = undecided.split_first() {
+        findings.trust(format!(
+            "K of tet {}{}: so thin, in the domain or in the image, that rounding of positions leaves it no upper end",
+            first.0,
+            if others.is_empty() { String::new() } else { format!(" and of {} more", others.len()) }
+        ));
     }
     findings.max_k_upper = Some(upper);
     upper

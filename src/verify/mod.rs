@@ -154,8 +154,12 @@ impl fmt::Display for Verification {
         for what in &self.trusted {
             writeln!(f, "trusted     {}", on_one_line(what))?;
         }
-        if let Some(upper) = self.max_k_upper {
-            writeln!(f, "max K <= {upper} for exactly the positions in image.vtu")?;
+        match self.max_k_upper {
+            Some(upper) if upper.is_finite() => {
+                writeln!(f, "max K <= {upper} for exactly the positions in image.vtu")?;
+            }
+            Some(_) => writeln!(f, "max K has no upper end: tets are flipped, or so thin that rounding decides")?,
+            None => {}
         }
         writeln!(f, "{}", if self.verified { "verified" } else { "NOT verified" })
     }

@@ -9,6 +9,8 @@ use crate::mesh::{Mat3, TetId, TetMesh, VertexId};
 /// How far, in units of t (0 at the corner, 1 on the base), the cones of a corner may disagree at a common vertex, or a
 /// vertex lie off the base: points of flat faces and straight edges are computed with rounding.
 const FITS: f64 = 1e-9;
+/// By how many units of the last place of the coordinates such points may be off: of a small solid far from the origin that is more.
+const ROUNDINGS: f64 = 16.0;
 
 /// How a map behaves at the corners of a solid.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -245,10 +247,15 @@ impl Corners {
     fn check(&self, domain: &Domain) -> Result<(), CornerError> {
         let mesh = domain.mesh();
         let height = |warp: &Warp, v: VertexId| warp.height(&mesh.points()[v.index()]);
+        let largest = mesh.points().iter().map(|p| p.amax()).fold(0.0, f64::max);
+        let fits = |warp: &Warp| FITS + ROUNDINGS * f64::EPSILON * largest * warp.gradient().norm();
         let mut faces: HashMap<[u32; 3], u32> = HashMap::new();
         for (index, tet) in (0u32..).zip(mesh.tets()) {
             let warp = self.warp(TetId(index));
-            let within = |warp: &Warp| tet.iter().all(|&v| (-FITS..=1.0 + FITS).contains(&height(warp, v)));
+            let within = |warp: &Warp| {
+                let fits = fits(warp);
+                tet.iter().all(|&v| (-fits..=1.0 + fits).contains(&height(warp, v)))
+            };
             if warp.is_some_and(|warp| !within(warp)) {
                 return Err(CornerError::Misfit { tet: index });
             }
@@ -260,7 +267,7 @@ impl Corners {
                     faces.insert(key, index);
                     continue;
                 };
-                if !self.agree([other, index], face, &height) {
+                if !self.agree([other, index], face, &height, &fits) {
                     return Err(CornerError::Torn { tets: [other, index] });
                 }
             }
@@ -273,8 +280,9 @@ impl Corners {
             let normal = (b - a).cross(&(c - a));
             let tip = mesh.points()[self.cones[cone as usize].corner.index()];
             let size = (a - tip).norm().max((b - tip).norm()).max((c - tip).norm());
-            let radial = normal.dot(&(a - tip)).abs() <= FITS * normal.norm() * size;
-            if !radial && !triangle.iter().all(|&v| (height(warp, v) - 1.0).abs() <= FITS) {
+            let fits = fits(warp);
+            let radial = normal.dot(&(a - tip)).abs() <= fits * normal.norm() * size;
+            if !radial && !triangle.iter().all(|&v| (height(warp, v) - 1.0).abs() <= fits) {
                 return Err(CornerError::Misfit { tet: owner.0 });
             }
         }
@@ -283,14 +291,22 @@ impl Corners {
 
     /// Whether the warps of two tets are the same on their common face: both leave it as it is, or they have one corner,
     /// and the same t there.
-    fn agree(&self, tets: [u32; 2], face: [VertexId; 3], height: &dyn Fn(&Warp, VertexId) -> f64) -> bool {
+    fn agree(
+        &self,
+        tets: [u32; 2],
+        face: [VertexId; 3],
+        height: &dyn Fn(&Warp, VertexId) -> f64,
+        fits: &dyn Fn(&Warp) -> f64,
+    ) -> bool {
         let cones = tets.map(|tet| self.of_tet[tet as usize].map(|cone| cone as usize));
         let still = |cone: Option<usize>| {
-            cone.is_none_or(|cone| face.iter().all(|&v| (height(&self.warps[cone], v) - 1.0).abs() <= FITS))
+            let on_base = |warp: &Warp| face.iter().all(|&v| (height(warp, v) - 1.0).abs() <= fits(warp));
+            cone.is_none_or(|cone| on_base(&self.warps[cone]))
         };
         let same = |a: usize, b: usize| {
             let [a, b] = [a, b].map(|cone| (&self.cones[cone], &self.warps[cone]));
-            a.0.corner == b.0.corner && face.iter().all(|&v| (height(a.1, v) - height(b.1, v)).abs() <= FITS)
+            let fits = fits(a.1).max(fits(b.1));
+            a.0.corner == b.0.corner && face.iter().all(|&v| (height(a.1, v) - height(b.1, v)).abs() <= fits)
         };
         match cones {
             [Some(a), Some(b)] if a == b || same(a, b) => true,

@@ -152,6 +152,22 @@ impl Cones {
         self.nodes.first().map_or(1.0, |root| root.stretch)
     }
 
+    /// A bound of K of the radial map in the directions of a cap: the largest of all cones in a leaf of the tree that meets it.
+    pub fn largest_stretch_near(&self, cap: &Cap) -> f64 {
+        let (mut at, mut most) = (0, 1.0f64);
+        while let Some(node) = self.nodes.get(at) {
+            if node.stretch <= most || !node.cap.meets(cap) {
+                at = node.next;
+                continue;
+            }
+            if !node.leaf.is_empty() {
+                most = node.stretch;
+            }
+            at += 1;
+        }
+        most
+    }
+
     /// Visits, in a fixed order, at least all cones of more than that stretch with a direction in the cap.
     pub fn for_each_near(&self, cap: &Cap, stretch: f64, visit: &mut impl FnMut(usize)) {
         let mut at = 0;
@@ -193,6 +209,12 @@ mod tests {
         all.sort_unstable();
         assert!(all.into_iter().eq(0..triangles.len()));
         let most = cones.largest_stretch();
+        for direction in [Vec3::x(), Vec3::new(0.3, -0.5, 0.8)] {
+            let (cap, mut near) = (Cap::around(&[direction]), 1.0f64);
+            cones.for_each_near(&cap, 0.0, &mut |cone| near = near.max(cones.get(cone).stretch));
+            assert_eq!(cones.largest_stretch_near(&cap), near);
+        }
+        assert_eq!(cones.largest_stretch_near(&Cap::ALL), most);
         cones.for_each_near(&Cap::ALL, most, &mut |_| panic!("none is stretched more than the most"));
     }
 }

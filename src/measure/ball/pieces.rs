@@ -40,7 +40,7 @@ use std::rc::Rc;
 use super::cones::{Cone, Cones, SNAP, beside};
 use super::enclosure::{ExactWarp, Norms, Pair, TetMap, shears};
 use super::polygon::Shadow;
-use super::{BallDilatation, attained, of_tet, product};
+use super::{BallDilatation, Effort, attained, larger, of_tet, product};
 use crate::linalg::interval::{Interval, exact_vector};
 use crate::mesh::{Mat3, Vec3, edge_matrix};
 
@@ -151,21 +151,23 @@ impl<'a> WarpedTet<'a> {
         self.at_corners.iter().map(TetMap::k).fold(1.0, f64::max)
     }
 
-    /// Bounds of K on the tet, of which what lies below `floor` need not be known better, and the number of pieces that took.
-    pub fn bound(&self, floor: f64) -> (BallDilatation, usize) {
+    /// Bounds of K on the tet, of which what lies below `floor` need not be known better, and what that took.
+    pub fn bound(&self, floor: f64) -> (BallDilatation, Effort) {
         let (most, shadow) = (self.k(), Shadow::of(&self.image));
-        let mut search = Search { tet: self, queue: BinaryHeap::new(), sampled: 1.0, made: 0 };
+        let mut search = Search { tet: self, queue: BinaryHeap::new(), sampled: 1.0, effort: Effort::default() };
         if most.is_infinite() {
-            return (BallDilatation { certified: f64::INFINITY, sampled: 1.0 }, 0);
+            return (BallDilatation { certified: f64::INFINITY, sampled: 1.0 }, search.effort);
         }
         if shadow.cap().is_all() {
             // 0 may lie inside, where no point has a direction.
             let of_maps = self.at_corners.iter().map(|map| of_tet(map, &self.image, false, self.cones, floor, 1e-2));
-            let larger = of_maps.fold((1.0, 0), |(k, n), (found, more)| (found.certified.max(k), n + more));
-            return (BallDilatation { certified: larger.0, sampled: 1.0 }, larger.1);
+            let nothing = (BallDilatation { certified: 1.0, sampled: 1.0 }, Effort::default());
+            let (found, effort) = of_maps.fold(nothing, larger);
+            return (BallDilatation { sampled: 1.0, ..found }, effort);
         }
         // Rounded down, so that no product with K is above the floor.
         self.cones.for_each_near(shadow.cap(), (floor / most).next_down().next_down(), &mut |index| {
+            search.effort.cones += 1;
             let cone = self.cones.get(index);
             let rough = product(most, cone.stretch);
             if rough <= floor || shadow.nearly_misses(cone) {
@@ -183,14 +185,14 @@ impl<'a> WarpedTet<'a> {
             }
         });
         while let Some(piece) = search.queue.pop() {
-            if search.made > MOST {
-                return (BallDilatation { certified: piece.bound, sampled: search.sampled }, search.made);
+            if search.effort.polygons > MOST {
+                return (BallDilatation { certified: piece.bound, sampled: search.sampled }, search.effort);
             }
             for half in self.halves(&piece) {
                 search.take(half, floor, true);
             }
         }
-        (BallDilatation { certified: 1.0, sampled: search.sampled }, search.made)
+        (BallDilatation { certified: 1.0, sampled: search.sampled }, search.effort)
     }
 
     fn corner(&self, cone: &Cone, weights: &Weights) -> Corner {
@@ -340,13 +342,13 @@ struct Search<'t> {
     tet: &'t WarpedTet<'t>,
     queue: BinaryHeap<Piece>,
     sampled: f64,
-    made: usize,
+    effort: Effort,
 }
 
 impl Search<'_> {
     /// Bounds a piece, which is inside of its cone or not, and queues it if it is and the bound is above the floor; whether it is not.
     fn take(&mut self, piece: Piece, floor: f64, inside: bool) -> bool {
-        self.made += 1;
+        self.effort.polygons += 1;
         let [bound, at_corners] = self.tet.on(&piece);
         if inside && part(&piece.simplex) > THIN {
             self.sampled = self.sampled.max(attained(at_corners));

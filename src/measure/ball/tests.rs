@@ -231,3 +231,25 @@ fn a_chamber_bounds_a_symmetric_map_as_all_of_it_does() {
     let few = of(Some(&mirrors.tets()[..1]));
     assert!(few.certified < part.sampled, "{few:?}");
 }
+
+#[test]
+fn what_is_left_when_the_work_is_spent_is_bounded_as_a_whole_and_a_signal_ends_it() {
+    let ((plain, of_plain), (warped, of_warped, corners)) = (cube(2, 4, 0.01), warped_cube(1.3, 0.01));
+    let raised = Cancel::default();
+    raised.raise();
+    for (domain, corners, image) in [(&plain, None, &of_plain), (&warped, Some(&corners), &of_warped)] {
+        let by = |work: usize, cancel: &Cancel| enclosed_by(domain, corners, image, None, cancel, work).unwrap();
+        let [none, one, all] = [0, 1, usize::MAX].map(|work| by(work, &Cancel::default()).unwrap());
+        let tets = |k: fn(&Measured) -> f64| match corners {
+            None => k(&measure(domain, image)),
+            Some(corners) => k(&measure_elements(domain, &corners.elements(domain), image)),
+        };
+        let most = OntoBall::new(domain, corners, image).unwrap().cones.largest_stretch();
+        // K of a product is at most the product; rounding is far below the factor.
+        let whole = tets(|measured| measured.summary.max_k) * most * (1.0 + 1e-9);
+        assert!(all.certified <= one.certified && one.certified <= none.certified, "{one:?} {all:?}");
+        assert!(all.certified < none.certified && none.certified <= whole, "{none:?} {all:?} {whole}");
+        assert!(all.sampled <= all.certified && none.sampled <= all.certified, "{none:?} {one:?} {all:?} {whole}");
+        assert_eq!(by(usize::MAX, &raised), None);
+    }
+}

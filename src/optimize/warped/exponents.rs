@@ -26,6 +26,10 @@ const FROM_LINEAR: [f64; 2] = [0.2, 0.07];
 /// of so many tets, at most so many. Without, the search ended up to 1.7 times above the best of six exponents on 48 meshes of 32 to 64 tets in random
 /// tetrahedra, sliding; from 100 tets on it did not.
 const COMMON: (f64, usize, usize) = (1.8, 1500, 10);
+/// Exponents tried at all corners alike where K onto the ball is what counts: of coarse meshes it takes them where that onto the polyhedron does not.
+const COMMON_ONTO_BALL: [f64; 2] = [1.1, 1.25];
+/// Rounds in which K onto the ball is lowered with exponents that are tried, where it is what counts. That of the map onto the polyhedron tells little.
+const ROUNDS: usize = 8;
 /// Most steps of the secant method.
 const STEPS: usize = 5;
 /// Fall of ln K below which there is no other: K is flat at the best exponents.
@@ -47,7 +51,7 @@ const WORSE: f64 = 1e-3;
 pub struct BestExponents {
     /// The corners with these exponents.
     pub corners: Corners,
-    /// The largest K onto the polyhedron, if it was sought.
+    /// The largest K, onto the ball if that is what counts, if it was sought.
     pub max_k: Option<f64>,
     /// Image positions.
     pub image: Vec<Vec3>,
@@ -71,7 +75,7 @@ impl Trial {
 
 impl Warped<'_> {
     /// Moves the vertices so that the objective falls ([`Warped::optimize`]), for the best of the [`exponents`](Self::exponents) tried. Where
-    /// K onto the polyhedron ends clearly above that which the search has seen with them, it goes on from the map of that.
+    /// K ends clearly above that which the search has seen with them, it goes on from the map of that.
     ///
     /// # Errors
     /// As [`optimize()`](crate::optimize::optimize()).
@@ -84,12 +88,20 @@ impl Warped<'_> {
         settings: &OptimizeSettings,
         observe: &mut dyn FnMut(&TraceRow),
     ) -> Result<(Outcome, Corners), OptimizeError> {
-        let found = Warped { onto_ball: false, ..*self }.exponents(start, settings)?;
+        let found = self.exponents(start, settings)?;
         let warped = Warped { corners: Some(&found.corners), ..*self };
         let mut outcome = warped.optimize(start, settings, observe)?;
         let (plain, _) = warped.elements();
-        let k = measure(&plain, &self.restricted(&outcome.positions)).summary.max_k;
-        if !self.onto_ball && found.max_k.is_some_and(|least| k.ln() > least.ln() + WORSE) {
+        let k = if self.onto_ball {
+            warped.k_onto_ball(&outcome.positions, &OptimizeSettings::default())
+        } else {
+            measure(&plain, &self.restricted(&outcome.positions)).summary.max_k
+        };
+        let is_worse = found.max_k.is_some_and(|least| k.ln() > least.ln() + WORSE);
+        if is_worse && self.onto_ball {
+            let from_search = Outcome { positions: found.image, ..outcome };
+            outcome = warped.settle_onto_ball(from_search, usize::MAX, settings, observe)?;
+        } else if is_worse {
             let rows = outcome.trace.len();
             let seconds = outcome.trace.last().map_or(0.0, |row| row.seconds);
             let left =
@@ -110,7 +122,7 @@ impl Warped<'_> {
         Ok((outcome, found.corners))
     }
 
-    /// The exponents of least largest K onto the polyhedron among the ones tried: those that the corners have and none among them, and those
+    /// The exponents of least largest K, onto the polyhedron or the ball, among the ones tried: those that the corners have and none among them, and those
     /// from which no small change lowers it by much. Corners that the mirror planes exchange have the same. Without iterations
     /// those that the corners have.
     ///
@@ -128,12 +140,15 @@ impl Warped<'_> {
         let logs: BTreeMap<VertexId, f64> = given.exponents().into_iter().map(|(v, p)| (v, p.ln())).collect();
         let to_the = |power: f64| given.clone().with_exponents(|vertex| (logs[&vertex] * power).exp());
         let alike = (COMMON.1 / self.tets().len().max(1)).min(COMMON.2);
-        let common = (1..=alike).map(|i| given.clone().with_exponents(|_| COMMON.0.powf(i as f64 / alike as f64)));
+        let of_all = |exponent: f64| given.clone().with_exponents(|_| exponent);
+        let common = (1..=alike).map(|i| of_all(COMMON.0.powf(i as f64 / alike as f64)));
+        let onto_ball = COMMON_ONTO_BALL.into_iter().filter(|_| self.onto_ball).map(of_all);
         let mut best: Option<Trial> = None;
-        for corners in ALONG.into_iter().map(to_the).chain(common) {
+        let tried = ALONG.into_iter().map(to_the).chain(common).map(|corners| (corners, alike < 2));
+        for (corners, is_near) in tried.chain(onto_ball.map(|corners| (corners, false))) {
             // On larger meshes the map of other exponents is as good a start, and nearer.
             let (known, from) = match &best {
-                Some(best) if alike < 2 => (Start::Settled, &best.image[..]),
+                Some(best) if is_near => (Start::Settled, &best.image[..]),
                 _ => (Start::Anywhere, start),
             };
             let trial = self.tried(corners, known, from, &settings)?;
@@ -212,9 +227,16 @@ impl Warped<'_> {
     ) -> Result<Trial, OptimizeError> {
         let warped = Warped { corners: Some(&corners), ..*self };
         let (plain, owners) = warped.elements();
-        let outcome = self.solved(&plain, known, from, settings, &mut |_, _| {})?;
-        let k = measure(&plain, &self.restricted(&outcome.positions)).summary.max_k;
-        let slopes = self.slopes(&corners, &owners, &outcome.multipliers, &outcome.positions);
+        let (outcome, k, first) = if self.onto_ball {
+            let (outcome, first) = warped.lowered_onto_ball(&plain, (known, from), (ROUNDS, settings), &mut |_| {})?;
+            let k = warped.k_onto_ball(&outcome.positions, settings);
+            (outcome, k, first)
+        } else {
+            let outcome = self.solved(&plain, known, from, settings, &mut |_, _| {})?;
+            let k = measure(&plain, &self.restricted(&outcome.positions)).summary.max_k;
+            (outcome.clone(), k, outcome)
+        };
+        let slopes = self.slopes(&corners, &owners, &first.multipliers, &first.positions);
         Ok(Trial { k, corners, image: outcome.positions, slopes })
     }
 

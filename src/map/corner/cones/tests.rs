@@ -6,7 +6,7 @@ use crate::map::{Evaluator, Onto, RayEnd, by_ray_casting, caraman};
 use crate::measure::{measure, measure_elements};
 use crate::mesh::Vec3;
 use crate::mesh::fixtures::{cube, fan, split};
-use crate::solid::{FlagSettings, Solid, flag_mesh};
+use crate::solid::{FlagSettings, Solid, Surface, flag_mesh};
 
 /// A cube of flags, its radial image and warps of one exponent at all corners.
 fn flags(exponent: f64) -> (Domain, Vec<Vec3>, Corners) {
@@ -23,6 +23,26 @@ fn flags(exponent: f64) -> (Domain, Vec<Vec3>, Corners) {
     let of_tet = (0..domain.mesh().tets().len()).map(|tet| Some((tet / settings.tets_a_flag()) as u32)).collect();
     let corners = Corners::new(&domain, cones, of_tet).unwrap();
     (domain, caraman(&rays, 1.0), corners)
+}
+
+#[test]
+fn cones_of_a_small_solid_far_from_the_origin_fit_as_well_as_its_coordinates_tell() {
+    for size in [1.0, 1e-4, 1e-7] {
+        let cube = Solid::Cube.surface().unwrap();
+        let corners: Vec<Vec3> = cube.points().iter().map(|p| p * size + Vec3::new(0.3, 0.7, 0.9)).collect();
+        let triangles: Vec<[VertexId; 3]> = cube.triangles().to_vec();
+        let surface = Surface::from_triangles(corners, &triangles).unwrap();
+        let settings = FlagSettings { sectors: 2, rings: 2, layers: 2, ..FlagSettings::default() };
+        let flags = flag_mesh(&surface, Vec3::new(0.3, 0.7, 0.9), &settings).unwrap();
+        let domain = Domain::new(flags.mesh).unwrap();
+        let cones = { flags.flags.iter() }.map(|flag| Cone { corner: flag.corner, base: flag.base, exponent: 1.5 });
+        let of_tet = (0..domain.mesh().tets().len()).map(|tet| Some((tet / settings.tets_a_flag()) as u32));
+        let (cones, mut of_tet): (Vec<Cone>, Vec<Option<u32>>) = (cones.collect(), of_tet.collect());
+        assert!(Corners::new(&domain, cones.clone(), of_tet.clone()).is_ok(), "{size}");
+        // In the cone of the next flag they do not.
+        of_tet[0] = Some(1);
+        assert!(Corners::new(&domain, cones, of_tet).is_err(), "{size}");
+    }
 }
 
 #[test]
