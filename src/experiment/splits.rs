@@ -49,6 +49,18 @@ pub(super) fn between_corners(domain: Domain, plan: &Plan) -> Result<(Domain, Op
     Ok((taken(domain, &halves)?, (splits.corners > 0).then_some(splits)))
 }
 
+/// What edges that were halved between corners may cost.
+pub(super) fn halved_for_corners(splits: Splits) -> Option<String> {
+    let edges = splits.corners;
+    (edges > 0).then(|| {
+        format!(
+            "{edges} edges from corner to corner were halved, since the map can be like a power at one corner of a tet only; on a mesh so coarse \
+             that raises K, and may cost more than the powers gain: compare with boundary.corners = \"linear\", which leaves the mesh as it is, or \
+             ask for more tets"
+        )
+    })
+}
+
 fn taken(domain: Domain, subdivision: &Subdivision) -> Result<Domain, Fault> {
     if subdivision.parents().is_empty() { Ok(domain) } else { Ok(Domain::new(subdivision.mesh()?)?) }
 }

@@ -8,7 +8,7 @@ use std::path::Path;
 use super::corners::{Flags, corners};
 use super::error::{Fault, RunError};
 use super::mesher::{grazed, instead_of_shells, is_grazed, mesh_of_any_solid, more_cells};
-use super::splits::{between_corners, freed};
+use super::splits::{between_corners, freed, halved_for_corners};
 use super::warped::chamber;
 use crate::cancel::Cancel;
 use crate::config::{DomainSource, InitialMap, MeshPlan, Plan};
@@ -470,18 +470,6 @@ fn surface_of(mut soup: PolygonSoup, path: &Path, plan: &Plan) -> Result<(Surfac
     soup.points = unit.take_points(&soup.points);
     let surface = Surface::repaired(soup, &plan.repair).map_err(RunError::at(&named(path, unit)))?;
     Ok((surface, unit))
-}
-
-/// What edges that were halved between corners may cost.
-fn halved_for_corners(splits: Splits) -> Option<String> {
-    let edges = splits.corners;
-    (edges > 0).then(|| {
-        format!(
-            "{edges} edges from corner to corner were halved, since the map can be like a power at one corner of a tet only; on a mesh so coarse \
-             that raises K, and may cost more than the powers gain: compare with boundary.corners = \"linear\", which leaves the mesh as it is, or \
-             ask for more tets"
-        )
-    })
 }
 
 /// A file in an error, which may name places.
