@@ -6,7 +6,7 @@
 //! carries the positions over on both sides, which changes no K, and lowers it again there. The largest K itself is settled at the end.
 //!
 //! Before a round's halvings tets of large K are flipped, 2-3 at a face or all about an edge (3-2, 4-4, ...), where that lowers the largest K of those that are
-//! replaced: it costs no tets. Without, cube-100k ends at 5.89 after 8 rounds with 3 % more tets, with flips at 5.04.
+//! replaced: it costs no tets. Without, cube-100k ends at 5.885 after 8 rounds with 3 % more tets, with flips at 5.18.
 //!
 //! Edges of the boundary surface stay whole: the solid, its surface and the values there are what they were, so that K falls or
 //! stays in every round, and what the boundary values alone prove ([`unchanging_bound`]) holds in all of them.
