@@ -94,9 +94,9 @@ const TOLERANCE: f64 = 1e-4;
 const ROUGH: f64 = 1e-2;
 /// See [`TOLERANCE`].
 const POLYGONS: (usize, usize) = (200_000, 10);
-/// The work after which tets are bounded as a whole only, in [`Effort::work`], and so much more a tet. Ordinary meshes take a tenth of it or less;
+/// The work after which tets are bounded as a whole only, in [`Effort::work`], and so much more a tet. Ordinary meshes take 2 or 3 a tet;
 /// but in an image as flat as a sheet a tet meets a share of all cones.
-const WORK: (usize, usize) = (400_000, 2);
+const WORK: (usize, usize) = (400_000, 8);
 /// Cones that are looked at in the time of one polygon, where they are needles and exact predicates have to tell.
 const CONES_A_POLYGON: usize = 2;
 /// How near the two ends are brought where there are warps.
