@@ -71,6 +71,10 @@ const IDLE: (usize, f64) = (5, 0.3);
 const RISE: (f64, f64) = (0.3, 3.0);
 /// Length of a step after which the weight may fall in any case.
 const LONG: f64 = 0.9;
+/// How often the weight may rise before promises are believed no more: tetra-10k needs 23 of 78 steps for it where its boundary slides, and
+/// nearly 400 steps if it may no more than 5 times. In a long thin solid with K in the hundreds promises are never kept, and 400 steps that
+/// believe each of them lead nowhere.
+const RISES: usize = 30;
 /// Complementarity from which it is clear whether the multipliers stay away from the rim, and the share of them from where
 /// a larger region is needed.
 const RIM: (f64, f64) = (1e-3, 1e-2);
@@ -190,7 +194,7 @@ impl Path {
     ) -> PhaseEnd {
         let slides = assembly.unknowns().slides();
         let mut damping = Damping::new(assembly);
-        let (mut short, mut idle) = (0, 0);
+        let (mut short, mut idle, mut rises) = (0, 0, 0);
         let share = recorder.progress;
         let mut first_gap = None;
         let first_weight = self.problem.rest_weight;
@@ -223,8 +227,9 @@ impl Path {
                 false if idle >= IDLE.0 && !slides => IDLE.1 * self.problem.rest_weight,
                 false => self.problem.rest_weight,
             };
-            let most_promised = if length < LONG { first_weight } else { 0.0 };
+            let most_promised = if length < LONG && rises < RISES { first_weight } else { 0.0 };
             let (step, weight) = self.step(assembly, iterate.image(), &system, &rows, most, most_promised);
+            rises += usize::from(weight > self.problem.rest_weight.min(most));
             idle = if weight < 0.9 * self.problem.rest_weight { 0 } else { idle + 1 };
             let Some(taken) = self.advance(assembly, iterate, &rows, &step, weight) else {
                 return PhaseEnd::NoProgress;
