@@ -153,7 +153,14 @@ impl Warped<'_> {
                 break;
             }
             let problem = self.chamber().with_factors_on_both_sides(&held.factors);
-            let next = self.solved(&problem, Start::Settled, &now.positions, &of_rounds, &mut |_, _| {})?;
+            // What was carried over to a finer mesh may have turned an element of a corner over, which no step mends.
+            let next = match self.solved(&problem, Start::Settled, &now.positions, &of_rounds, &mut |_, _| {}) {
+                Err(OptimizeError::FlippedStart(_)) => {
+                    now.stop = StopReason::NoProgress;
+                    break;
+                }
+                next => next?,
+            };
             now.stop = next.stop;
             // The first elements are the tets, the further ones of each follow.
             let measured = measure(&problem, &self.restricted(&next.positions)).dilatations;

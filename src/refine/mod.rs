@@ -29,7 +29,7 @@ use self::surface::Held;
 use crate::bound::{BoundaryImage, LowerBound, best_applicable, edge_ratio, trace, vertex};
 use crate::domain::Domain;
 use crate::map::Corners;
-use crate::measure::measure;
+use crate::measure::{Summary, measure};
 use crate::mesh::{BoundaryEdges, MeshChanges, TetId, Vec3, VertexId};
 use crate::optimize::{
     Objective, OptimizeError, OptimizeSettings, Outcome, Polish, Start, StopReason, TraceRow, Warped, optimize_from,
@@ -245,6 +245,9 @@ pub fn refine(
         }
     } else {
         refined.outcome.positions = best;
+        if round > 0 {
+            refined.tell_of_best(observe);
+        }
     }
     Ok(refined)
 }
@@ -263,10 +266,27 @@ impl RefinedMap {
     /// The largest K of a map, onto the ball if that is asked for, and then as far as points of the tets tell.
     fn max_k(&self, positions: &[Vec3], onto_ball: bool) -> f64 {
         if onto_ball {
+            // An element of a corner may be turned over where its tet is not.
+            let elements = self.corners.as_ref().map(|corners| corners.elements(&self.domain).domain);
+            if elements.is_some_and(|elements| measure(&elements, positions).summary.flipped > 0) {
+                return f64::INFINITY;
+            }
             Held::of(&self.domain, self.corners.as_ref(), positions).map_or(f64::INFINITY, |held| held.k())
         } else {
             measure(&self.domain, positions).summary.max_k
         }
+    }
+
+    /// A row of the map that is returned, where it was taken over from a coarser mesh as it was: there are more tets to its mean now.
+    fn tell_of_best(&mut self, observe: &mut dyn FnMut(&TraceRow)) {
+        let Some(last) = self.outcome.trace.last().cloned() else { return };
+        let elements = self.corners.as_ref().map(|corners| corners.elements(&self.domain).domain);
+        let domain = elements.as_ref().unwrap_or(&self.domain);
+        let Summary { max_k, mean_k, .. } = measure(domain, &self.outcome.positions).summary;
+        let (iteration, objective) = (self.outcome.trace.len(), max_k.ln());
+        let row = TraceRow { phase: "best".into(), iteration, objective, max_k, mean_k, step: 0.0, ..last };
+        observe(&row);
+        self.outcome.trace.push(row);
     }
 
     /// Lowers K onto the ball from positions that were settled on a coarser mesh, by so many problems at most.
@@ -300,7 +320,12 @@ impl RefinedMap {
         }
         let mut settle = |map: &mut Self| {
             let (round, positions) = (map.rounds.len(), map.outcome.positions.clone());
-            map.settle_onto_ball((round, usize::MAX), positions, settings, observe)
+            let rows = map.outcome.trace.len();
+            map.settle_onto_ball((round, usize::MAX), positions, settings, observe)?;
+            if map.outcome.trace.len() == rows {
+                map.tell_of_best(observe);
+            }
+            Ok::<(), OptimizeError>(())
         };
         if self.rounds.is_empty() {
             return Ok(kept);
