@@ -322,7 +322,7 @@ impl RefinedMap {
             let (round, positions) = (map.rounds.len(), map.outcome.positions.clone());
             let rows = map.outcome.trace.len();
             map.settle_onto_ball((round, usize::MAX), positions, settings, observe)?;
-            if map.outcome.trace.len() == rows {
+            if map.outcome.trace.len() == rows && rows <= settings.max_iterations {
                 map.tell_of_best(observe);
             }
             Ok::<(), OptimizeError>(())
