@@ -58,7 +58,7 @@ const PRODUCTS: f64 = 1e4;
 const REACHED: f64 = 0.7;
 /// Largest violation of a given bound, in ln K.
 pub(super) const VIOLATION: f64 = 1e-5;
-/// Most Newton steps; 8 to 35 are usual, 44 the most seen where no vertex slides, 71 (tetra-10k) where they do.
+/// Most Newton steps; 8 to 35 are usual, 44 the most seen where no vertex slides, 78 (tetra-10k) where they do.
 pub(super) const MOST_STEPS: usize = 400;
 /// Steps in a row below the second entry that end it.
 const SHORT: (usize, f64) = (6, 1e-3);
