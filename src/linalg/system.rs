@@ -115,4 +115,12 @@ impl NewtonSystem {
     pub fn solve(&mut self, right_hand_side: &mut [f64]) {
         delegate!(self, system => system.solve(right_hand_side));
     }
+
+    /// The same for two right-hand sides.
+    pub fn solve_pair(&mut self, pair: [&mut [f64]; 2]) {
+        match self {
+            Self::Direct(system) => system.solve_pair(pair),
+            Self::Iterative(system) => pair.into_iter().for_each(|right_hand_side| system.solve(right_hand_side)),
+        }
+    }
 }

@@ -369,7 +369,8 @@ impl<'d> Assembly<'d> {
 
     /// The gradient of an energy; `None` if it is infinite.
     pub fn gradient<E: TetEnergy>(&self, energy: &E, iterate: &Iterate) -> Option<Vec<f64>> {
-        self.gradient_of(iterate, |tet, s| Some(energy.spectrum(tet, s, 1.0)?.slope))
+        let [gradient] = self.gradients_of(iterate, |tet, s| Some([energy.spectrum(tet, s, 1.0)?.slope]))?;
+        Some(gradient)
     }
 
     /// The first two derivatives of a barrier's sum with respect to its bound.
@@ -406,27 +407,29 @@ impl<'d> Assembly<'d> {
         &mut self.system
     }
 
-    /// The gradient of a sum whose terms have the derivatives `slope(tet, logs)` in the centred logs; `None` if a tet is
+    /// The gradients of sums whose terms have the derivatives `slopes(tet, logs)` in the centred logs; `None` if a tet is
     /// flipped.
-    pub fn gradient_of_logs(
+    pub fn gradients_of_logs<const N: usize>(
         &self,
         iterate: &Iterate,
-        slope: impl Fn(usize, [f64; 3]) -> [f64; 3] + Sync,
-    ) -> Option<Vec<f64>> {
-        self.gradient_of(iterate, |tet, s| {
-            let slope = slope(tet, centred_logs(s)?);
-            let mean = (slope[0] + slope[1] + slope[2]) / 3.0;
-            Some([0, 1, 2].map(|i| (slope[i] - mean) / s[i]))
+        slopes: impl Fn(usize, [f64; 3]) -> [[f64; 3]; N] + Sync,
+    ) -> Option<[Vec<f64>; N]> {
+        self.gradients_of(iterate, |tet, s| {
+            let slopes = slopes(tet, centred_logs(s)?);
+            Some(slopes.map(|slope| {
+                let mean = (slope[0] + slope[1] + slope[2]) / 3.0;
+                [0, 1, 2].map(|i| (slope[i] - mean) / s[i])
+            }))
         })
     }
 
-    /// The gradient of a sum whose terms have the derivatives `slope(tet, s)` in the singular values.
-    fn gradient_of(
+    /// The gradients of sums whose terms have the derivatives `slopes(tet, s)` in the singular values.
+    fn gradients_of<const N: usize>(
         &self,
         iterate: &Iterate,
-        slope: impl Fn(usize, [f64; 3]) -> Option<[f64; 3]> + Sync,
-    ) -> Option<Vec<f64>> {
-        let elements: Vec<Option<[Vec3; 4]>> = iterate
+        slopes: impl Fn(usize, [f64; 3]) -> Option<[[f64; 3]; N]> + Sync,
+    ) -> Option<[Vec<f64>; N]> {
+        let elements: Vec<[[Vec3; 4]; N]> = iterate
             .decompositions()
             .par_iter()
             .zip(self.domain.inverse_edges())
@@ -434,11 +437,14 @@ impl<'d> Assembly<'d> {
             .with_min_len(CHUNK)
             .map(|(t, (decomposition, inverse_edges))| {
                 let afterwards = self.domain.afterwards(TetId(t as u32));
-                Some(gradient_from(decomposition, slope(t, decomposition.values)?, inverse_edges, afterwards))
+                // Not a number where there is no slope, found in the next line but one.
+                let slopes = slopes(t, decomposition.values).unwrap_or([[f64::NAN; 3]; N]);
+                slopes.map(|slope| gradient_from(decomposition, slope, inverse_edges, afterwards))
             })
             .collect();
-        let elements: Vec<[Vec3; 4]> = elements.into_iter().collect::<Option<_>>()?;
-        Some(self.tangent(iterate.image(), self.gather(|corner| elements[corner / 4][corner % 4])))
+        let exist = elements.iter().flatten().all(|gradient| !gradient[0].x.is_nan());
+        let gradient = |sum: usize| self.tangent(iterate.image(), self.gather(|c| elements[c / 4][sum][c % 4]));
+        exist.then(|| std::array::from_fn(gradient))
     }
 
     fn gather(&self, contribution: impl Fn(usize) -> Vec3 + Sync) -> Vec<f64> {

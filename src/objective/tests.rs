@@ -113,7 +113,8 @@ fn the_condensed_system_adds_the_constraints_outer_products() {
     let [loose, condensed] = [f64::INFINITY, slack].map(|slack| lagrangian(&domain, &image, slack, 0.2));
     // The column of the bound as well: a constraint falls by as much as the bound rises.
     let [mut expected_column, column] = [&loose, &condensed]
-        .map(|problem| assembly.gradient_of_logs(&iterate, |tet, logs| problem.mixed_slopes(tet, logs)).unwrap());
+        .map(|problem| assembly.gradients_of_logs(&iterate, |tet, logs| [problem.mixed_slopes(tet, logs)]).unwrap())
+        .map(|[column]| column);
     let mut product = |problem: &PrimalDual| {
         assembly.linearize(problem, &iterate, 1.0).unwrap();
         assembly.system().multiply(&along)
@@ -151,7 +152,7 @@ fn the_bounds_row_and_column_match_differences() {
     let assembly = Assembly::new(&domain, &Unknowns::of_mask(&fixed), Method::Direct).unwrap();
     let iterate = assembly.at(image.clone());
     let problem = lagrangian(&domain, &image, f64::INFINITY, 0.0);
-    let column = assembly.gradient_of_logs(&iterate, |tet, logs| problem.mixed_slopes(tet, logs)).unwrap();
+    let [column] = assembly.gradients_of_logs(&iterate, |tet, logs| [problem.mixed_slopes(tet, logs)]).unwrap();
     let with = |h: f64| PrimalDual { bound: problem.bound + h, ..problem.clone() };
     let across = direction(column.len(), 2);
     let scale = dot(&column, &column).sqrt() * dot(&across, &across).sqrt();

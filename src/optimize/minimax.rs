@@ -23,8 +23,11 @@ pub(super) enum Ending {
 }
 
 /// Minimises ln max K from `image`, on growing regions, until none of the active tets reaches beyond the region.
-pub(super) fn minimax(
-    whole: &Assembly<'_>,
+///
+/// Where vertices slide, on all of the domain, with the sums that `direct` keeps.
+pub(super) fn minimax<'d>(
+    whole: &Assembly<'d>,
+    direct: &mut Option<Assembly<'d>>,
     image: &mut [Vec3],
     settings: &OptimizeSettings,
     recorder: &mut Recorder<'_>,
@@ -37,11 +40,10 @@ pub(super) fn minimax(
         if free > most {
             return Ok(Ending::TooWide);
         }
-        let mut assembly = Assembly::new(whole.domain(), whole.unknowns(), Method::Direct)?.leaving_openings();
+        let assembly = with_factor(whole, direct)?;
         let mut iterate = assembly.at(image.to_vec());
         let rim = vec![false; whole.domain().mesh().tets().len()];
-        let settled =
-            interior_point_phase(&mut assembly, &mut iterate, Goal::Bound, tolerance, &rim, MOST_STEPS, recorder);
+        let settled = interior_point_phase(assembly, &mut iterate, Goal::Bound, tolerance, &rim, MOST_STEPS, recorder);
         image.copy_from_slice(iterate.image());
         let tets: Vec<TetId> = (0..rim.len() as u32).map(TetId).collect();
         recorder.multipliers = multipliers(&settled, &tets);
@@ -82,6 +84,18 @@ pub(super) fn minimax(
     })
 }
 
+/// The sums over all of the domain whose systems are solved by a factor, made where there are none yet: its analysis takes as long as one or
+/// two steps. They leave it to the interior-point method that no triangle opens beyond its least opening.
+pub(super) fn with_factor<'a, 'd>(
+    whole: &Assembly<'d>,
+    direct: &'a mut Option<Assembly<'d>>,
+) -> Result<&'a mut Assembly<'d>, SparseError> {
+    if direct.is_none() {
+        *direct = Some(Assembly::new(whole.domain(), whole.unknowns(), Method::Direct)?.leaving_openings());
+    }
+    Ok(direct.as_mut().expect("made where there were none"))
+}
+
 /// Settles the second largest value of K and so on, `levels` in all: the tets that attain one, to within [`LEVEL`], are
 /// held while the largest K of the others is lowered.
 pub(super) fn next_levels(
@@ -105,7 +119,7 @@ pub(super) fn next_levels(
             break;
         }
         let part = Assembly::new(whole.domain(), &held, Method::Iterative)?;
-        if let Ending::Settled(PhaseEnd::Interrupted, _) = minimax(&part, image, settings, recorder)? {
+        if let Ending::Settled(PhaseEnd::Interrupted, _) = minimax(&part, &mut None, image, settings, recorder)? {
             return Ok(PhaseEnd::Interrupted);
         }
     }

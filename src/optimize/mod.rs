@@ -288,11 +288,12 @@ fn optimize_unknowns(
     if let Some(rise) = polish::reach(assembly.free().len(), settings.rise).filter(|_| polished) {
         recorder.keep_candidates(rise);
     }
+    let mut direct = None;
     // Phases look at the limit after their first step.
     let (end, kkt) = if settings.max_iterations == 0 {
         (PhaseEnd::Interrupted, None)
     } else {
-        continuation(&mut assembly, &mut iterate, known, settings, &mut recorder)?
+        continuation(&mut assembly, &mut direct, &mut iterate, known, settings, &mut recorder)?
     };
     let multipliers = std::mem::take(&mut recorder.multipliers);
     let mut stop = match end {
@@ -308,7 +309,8 @@ fn optimize_unknowns(
         // Below K = 1 there is nothing to gain; after a limit the map may still have a better mean, but not after a cancel.
         let gains = recorder.best_k.ln() > settings.tolerance && recorder.iterations_left() > 0;
         if polished && gains && stop != StopReason::Cancelled {
-            let (end, lowered) = polish::lower_mean(&mut assembly, settings.rise, settings.tolerance, &mut recorder)?;
+            let (end, lowered) =
+                polish::lower_mean(&mut assembly, &mut direct, settings.rise, settings.tolerance, &mut recorder)?;
             if end == PhaseEnd::Interrupted {
                 stop = recorder.interruption();
             }
@@ -363,8 +365,9 @@ fn method(unknowns: &Unknowns) -> Method {
     if unknowns.count() < ITERATIVE_FROM { Method::Direct } else { Method::Iterative }
 }
 
-fn continuation(
-    assembly: &mut Assembly<'_>,
+fn continuation<'d>(
+    assembly: &mut Assembly<'d>,
+    direct: &mut Option<Assembly<'d>>,
     iterate: &mut Iterate,
     known: Start,
     settings: &OptimizeSettings,
@@ -431,7 +434,7 @@ fn continuation(
         return Ok((phase(assembly, iterate, exponent, settings.tolerance, recorder), None));
     }
     let mut image = iterate.image().to_vec();
-    let ending = minimax::minimax(assembly, &mut image, settings, recorder)?;
+    let ending = minimax::minimax(assembly, direct, &mut image, settings, recorder)?;
     *iterate = assembly.at(image);
     if let Ending::Settled(end, kkt) = ending {
         return Ok((end, kkt));
@@ -464,7 +467,7 @@ fn settle_inside(
     // Only what is decomposed and which vertices move is asked of it.
     let part = Assembly::new(assembly.domain(), &inside, Method::Iterative)?;
     let mut image = recorder.best.clone();
-    let ending = minimax::minimax(&part, &mut image, settings, recorder)?;
+    let ending = minimax::minimax(&part, &mut None, &mut image, settings, recorder)?;
     // They are of another problem.
     recorder.multipliers.clear();
     Ok(match ending {

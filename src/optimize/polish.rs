@@ -3,11 +3,12 @@
 use super::damping::NegativeShare;
 use super::interior_point::{Goal, MOST_STEPS, OPENED, VIOLATION, interior_point_phase};
 use super::line_search::{ARMIJO, dot, line_search};
+use super::minimax::with_factor;
 use super::newton::LARGE;
 use super::recorder::PhaseEnd;
 use super::{Progress, Recorder};
 use crate::dilatation::Dilatation;
-use crate::linalg::{Method, SparseError};
+use crate::linalg::SparseError;
 use crate::mesh::Vec3;
 use crate::objective::{Assembly, CappedMean, Iterate};
 
@@ -55,8 +56,9 @@ pub(super) fn reach(free: usize, rise: f64) -> Option<f64> {
 
 /// Lowers the mean of the map of least mean under a cap on K, which lies above the least largest by `rise` relative to it, to what
 /// goes with this tolerance in ln K; the positions.
-pub(super) fn lower_mean(
-    assembly: &mut Assembly<'_>,
+pub(super) fn lower_mean<'d>(
+    assembly: &mut Assembly<'d>,
+    direct: &mut Option<Assembly<'d>>,
     rise: f64,
     tolerance: f64,
     recorder: &mut Recorder<'_>,
@@ -87,12 +89,12 @@ pub(super) fn lower_mean(
         let lowered = kept(assembly, &iterate, &SHARES, recorder);
         return Ok((end, lowered.unwrap_or(start)));
     }
-    let mut direct = Assembly::new(assembly.domain(), assembly.unknowns(), Method::Direct)?.leaving_openings();
+    let direct = with_factor(assembly, direct)?;
     let mut settle = |from: Vec<Vec3>, most_steps: usize, recorder: &mut Recorder<'_>| {
         let mut iterate = direct.at(from);
         let rim = vec![false; direct.domain().mesh().tets().len()];
         let (goal, tolerance) = (Goal::Mean(cap.ln() - VIOLATION), TOLERANCE.max(tolerance));
-        let end = interior_point_phase(&mut direct, &mut iterate, goal, tolerance, &rim, most_steps, recorder).end;
+        let end = interior_point_phase(direct, &mut iterate, goal, tolerance, &rim, most_steps, recorder).end;
         (end, iterate)
     };
     let (_, above) = recorder.start_below(recorder.best_k * (1.0 + rise.max(REACH)));

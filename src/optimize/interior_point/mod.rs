@@ -376,8 +376,7 @@ impl Path {
         let count = rows.len().max(1) as f64;
         let present =
             if rows.is_empty() { problem.rest_weight } else { rows.iter().map(Row::product).sum::<f64>() / count };
-        let affine = Target { rest_weight: 0.0, changes: rows.iter().map(|row| -row.product()).collect() };
-        let affine = system.solve(assembly, image, problem, rows, &affine);
+        let affine = &system.predictor;
         let reached = affine.products(rows, affine.primal, affine.dual).sum::<f64>() / count;
         // Without a near constraint nothing tells how far to go.
         let centring = if rows.is_empty() { 1.0 } else { (reached / present).powi(3).clamp(LEAST_CENTRING, 1.0) };

@@ -50,6 +50,8 @@ pub(super) struct System {
     rest: Vec<f64>,
     /// `None` if the bound is given.
     border: Option<Border>,
+    /// The step to where all slacks times multipliers and the weight of the barrier are 0.
+    pub predictor: Step,
 }
 
 /// The bound's row and column.
@@ -65,13 +67,18 @@ struct Border {
 }
 
 impl Border {
-    fn new(assembly: &mut Assembly<'_>, iterate: &Iterate, problem: &PrimalDual, rows: &[Row]) -> Option<Self> {
-        let column = assembly.gradient_of_logs(iterate, |tet, logs| problem.mixed_slopes(tet, logs))?;
+    /// Of this column, and the positions' solution for it; `None` if the whole is not positive definite.
+    fn new(
+        assembly: &Assembly<'_>,
+        iterate: &Iterate,
+        problem: &PrimalDual,
+        rows: &[Row],
+        column: Vec<f64>,
+        solved_column: Vec<f64>,
+    ) -> Option<Self> {
         let [rest, second] = assembly.sum_of_logs(iterate, |tet, logs| problem.rest_bound_derivatives(tet, logs))?;
         let bounded = || rows.iter().filter(|row| row.follows_bound());
         let diagonal = problem.rest_weight * second + bounded().map(Row::stiffness).sum::<f64>();
-        let mut solved_column = column.clone();
-        assembly.system().solve(&mut solved_column);
         let schur = diagonal - dot(&column, &solved_column);
         let lagrangian = 1.0 - bounded().map(|row| row.multiplier).sum::<f64>();
         (schur > 0.0).then_some(Self { column, solved_column, schur, lagrangian, rest })
@@ -124,12 +131,25 @@ impl System {
         lagrangian: Vec<f64>,
         bound_is_free: bool,
     ) -> Option<Self> {
-        let rest = assembly.gradient_of_logs(iterate, |tet, logs| problem.rest_slopes(tet, logs))?;
-        let border = match bound_is_free {
-            true => Some(Border::new(assembly, iterate, problem, rows)?),
-            false => None,
+        let target = Target { rest_weight: 0.0, changes: rows.iter().map(|row| -row.product()).collect() };
+        let right_hand_side = |assembly: &Assembly<'_>, rest: &[f64]| {
+            right_hand_side(assembly, iterate.image(), problem, rows, &lagrangian, rest, &target)
         };
-        Some(Self { lagrangian, rest, border })
+        let (rest, border, solved) = if bound_is_free {
+            let slopes = |tet, logs| [problem.rest_slopes(tet, logs), problem.mixed_slopes(tet, logs)];
+            let [rest, column] = assembly.gradients_of_logs(iterate, slopes)?;
+            let mut solved = right_hand_side(assembly, &rest);
+            let mut solved_column = column.clone();
+            assembly.system().solve_pair([&mut solved, &mut solved_column]);
+            (rest, Some(Border::new(assembly, iterate, problem, rows, column, solved_column)?), solved)
+        } else {
+            let [rest] = assembly.gradients_of_logs(iterate, |tet, logs| [problem.rest_slopes(tet, logs)])?;
+            let mut solved = right_hand_side(assembly, &rest);
+            assembly.system().solve(&mut solved);
+            (rest, None, solved)
+        };
+        let predictor = step(assembly, rows, &target, solved, border.as_ref());
+        Some(Self { lagrangian, rest, border, predictor })
     }
 
     /// The derivative of the Lagrangian in the bound; 0 if that is given.
@@ -146,53 +166,79 @@ impl System {
         rows: &[Row],
         target: &Target,
     ) -> Step {
-        let tets = assembly.domain().mesh().tets();
-        let vertices = assembly.domain().mesh().points().len();
-        let residual = |row: &Row| row.value + row.slack - row.limit;
-        let mut forces = vec![Vec3::zeros(); vertices];
-        let mut pull = 0.0;
-        for (row, change) in rows.iter().zip(&target.changes) {
-            let force = (change + row.multiplier * residual(row)) / row.slack;
-            for (g, v) in row.gradient.iter().zip(tets[row.tet]) {
-                forces[v.index()] += g * force;
-            }
-            pull += if row.follows_bound() { force } else { 0.0 };
-        }
-        let more_rest = target.rest_weight - problem.rest_weight;
-        let mut solved: Vec<f64> =
-            self.lagrangian.iter().zip(&self.rest).map(|(gradient, rest)| gradient + more_rest * rest).collect();
-        for (entries, &v) in solved.chunks_exact_mut(3).zip(assembly.free()) {
-            for axis in 0..3 {
-                entries[axis] += forces[v as usize][axis];
-            }
-        }
-        let mut solved = assembly.tangent(image, solved);
+        let mut solved = right_hand_side(assembly, image, problem, rows, &self.lagrangian, &self.rest, target);
         assembly.system().solve(&mut solved);
-        let mut positions: Vec<f64> = solved.iter().map(|u| -u).collect();
-        let mut bound = 0.0;
-        if let Some(border) = &self.border {
-            bound = (dot(&border.column, &solved) - border.gradient(target.rest_weight) + pull) / border.schur;
-            for (entry, column) in positions.iter_mut().zip(&border.solved_column) {
-                *entry -= column * bound;
-            }
-        }
-        let mut displacement = vec![Vec3::zeros(); vertices];
-        for (d, &v) in positions.chunks_exact(3).zip(assembly.free()) {
-            displacement[v as usize] = Vec3::from_column_slice(d);
-        }
-        let (mut slacks, mut multipliers) = (Vec::with_capacity(rows.len()), Vec::with_capacity(rows.len()));
-        for (row, change) in rows.iter().zip(&target.changes) {
-            let of_value: f64 =
-                row.gradient.iter().zip(tets[row.tet]).map(|(g, v)| g.dot(&displacement[v.index()])).sum();
-            let of_limit = if row.follows_bound() { bound } else { 0.0 };
-            let slack = of_limit - of_value - residual(row);
-            slacks.push(slack);
-            multipliers.push((change - row.multiplier * slack) / row.slack);
-        }
-        let primal = share(rows.iter().map(|row| row.slack).zip(&slacks));
-        let dual = share(rows.iter().map(|row| row.multiplier).zip(&multipliers));
-        Step { positions, bound, slacks, multipliers, primal, dual }
+        step(assembly, rows, target, solved, self.border.as_ref())
     }
+}
+
+/// By how much a constraint's value and slack miss its limit.
+fn residual(row: &Row) -> f64 {
+    row.value + row.slack - row.limit
+}
+
+/// What a constraint adds to the gradient, in units of its own, on the way to a product changed by so much.
+fn force(row: &Row, change: f64) -> f64 {
+    (change + row.multiplier * residual(row)) / row.slack
+}
+
+/// What the positions are solved for: the gradient with the weight of the target, and the forces of the constraints.
+fn right_hand_side(
+    assembly: &Assembly<'_>,
+    image: &[Vec3],
+    problem: &PrimalDual,
+    rows: &[Row],
+    lagrangian: &[f64],
+    rest: &[f64],
+    target: &Target,
+) -> Vec<f64> {
+    let tets = assembly.domain().mesh().tets();
+    let mut forces = vec![Vec3::zeros(); image.len()];
+    for (row, change) in rows.iter().zip(&target.changes) {
+        let force = force(row, *change);
+        for (g, v) in row.gradient.iter().zip(tets[row.tet]) {
+            forces[v.index()] += g * force;
+        }
+    }
+    let more_rest = target.rest_weight - problem.rest_weight;
+    let mut whole: Vec<f64> =
+        lagrangian.iter().zip(rest).map(|(gradient, rest)| gradient + more_rest * rest).collect();
+    for (entries, &v) in whole.chunks_exact_mut(3).zip(assembly.free()) {
+        for axis in 0..3 {
+            entries[axis] += forces[v as usize][axis];
+        }
+    }
+    assembly.tangent(image, whole)
+}
+
+/// The step of the positions' solution `solved` with a given bound, and of the bound where that is free.
+fn step(assembly: &Assembly<'_>, rows: &[Row], target: &Target, solved: Vec<f64>, border: Option<&Border>) -> Step {
+    let tets = assembly.domain().mesh().tets();
+    let mut positions: Vec<f64> = solved.iter().map(|u| -u).collect();
+    let mut bound = 0.0;
+    if let Some(border) = border {
+        let bounded = rows.iter().zip(&target.changes).filter(|(row, _)| row.follows_bound());
+        let pull: f64 = bounded.map(|(row, change)| force(row, *change)).sum();
+        bound = (dot(&border.column, &solved) - border.gradient(target.rest_weight) + pull) / border.schur;
+        for (entry, column) in positions.iter_mut().zip(&border.solved_column) {
+            *entry -= column * bound;
+        }
+    }
+    let mut displacement = vec![Vec3::zeros(); assembly.domain().mesh().points().len()];
+    for (d, &v) in positions.chunks_exact(3).zip(assembly.free()) {
+        displacement[v as usize] = Vec3::from_column_slice(d);
+    }
+    let (mut slacks, mut multipliers) = (Vec::with_capacity(rows.len()), Vec::with_capacity(rows.len()));
+    for (row, change) in rows.iter().zip(&target.changes) {
+        let of_value: f64 = row.gradient.iter().zip(tets[row.tet]).map(|(g, v)| g.dot(&displacement[v.index()])).sum();
+        let of_limit = if row.follows_bound() { bound } else { 0.0 };
+        let slack = of_limit - of_value - residual(row);
+        slacks.push(slack);
+        multipliers.push((change - row.multiplier * slack) / row.slack);
+    }
+    let primal = share(rows.iter().map(|row| row.slack).zip(&slacks));
+    let dual = share(rows.iter().map(|row| row.multiplier).zip(&multipliers));
+    Step { positions, bound, slacks, multipliers, primal, dual }
 }
 
 /// The share of changes of positive values that leaves them positive.
