@@ -353,6 +353,18 @@ mod tests {
         let mut got = expected.as_slice().to_vec();
         reduced.solve(&mut got);
         assert!(got.iter().zip(want.iter()).all(|(got, want)| (got - want).abs() < 1e-12));
+        for system in [&mut system, &mut reduced] {
+            let singles = [0.3, 1.1].map(|step| {
+                let whole: Vec<f64> = (0..3 * count).map(|i| (i as f64 * step).cos()).collect();
+                let mut single = whole.clone();
+                system.solve(&mut single);
+                (whole, single)
+            });
+            let [(mut first, a), (mut second, b)] = singles;
+            system.solve_pair([&mut first, &mut second]);
+            let columns = first.iter().chain(&second).zip(a.iter().chain(&b));
+            assert!(columns.into_iter().all(|(pair, single)| (pair - single).abs() < 1e-12));
+        }
 
         system.shift_diagonal(-1e3);
         assert_eq!(system.factorize(), Err(SparseError::NotPositiveDefinite));

@@ -1,4 +1,4 @@
-//! What may be chosen of an optimization: objective, polish, effort, boundary values.
+//! What may be chosen of an optimization: objective, polish, effort, boundary values, and what is known of its start.
 
 use serde::Deserialize;
 
@@ -35,6 +35,16 @@ pub enum BoundaryValues {
     Fixed,
     /// They may move on the sphere about the origin on which they must be.
     Sliding,
+}
+
+/// What is known of a start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Start {
+    /// Nothing.
+    Anywhere,
+    /// It was settled on a mesh that this one refines where K is large: all exponents but the last of a soft maximum are left out, and what
+    /// lies far from these places stays where it is.
+    Settled,
 }
 
 /// How much work the largest K is worth.

@@ -31,7 +31,7 @@ use crate::domain::Domain;
 use crate::linalg::{Method, SparseError};
 use crate::mesh::{TetId, Vec3};
 use crate::objective::{Assembly, Freedom, Iterate, Unknowns, opening};
-pub use choices::{BoundaryValues, Effort, Objective, Polish};
+pub use choices::{BoundaryValues, Effort, Objective, Polish, Start};
 pub use engine::{Engine, MOST_TETS_CONSERVATIVE, MOST_TETS_QUADRATIC};
 pub use error::OptimizeError;
 use minimax::Ending;
@@ -225,16 +225,6 @@ pub fn optimize(
     observe: &mut dyn FnMut(&TraceRow),
 ) -> Result<Outcome, OptimizeError> {
     optimize_from(Start::Anywhere, domain, start, fixed, settings, observe)
-}
-
-/// What is known of a start.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Start {
-    /// Nothing.
-    Anywhere,
-    /// It was settled on a mesh that this one refines where K is large: all exponents but the last of a soft maximum are left out, and what
-    /// lies far from these places stays where it is.
-    Settled,
 }
 
 /// [`optimize`], shorter from a start of which something is known.

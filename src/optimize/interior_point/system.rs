@@ -201,8 +201,7 @@ fn right_hand_side(
         }
     }
     let more_rest = target.rest_weight - problem.rest_weight;
-    let mut whole: Vec<f64> =
-        lagrangian.iter().zip(rest).map(|(gradient, rest)| gradient + more_rest * rest).collect();
+    let mut whole: Vec<f64> = lagrangian.iter().zip(rest).map(|(gradient, rest)| gradient + more_rest * rest).collect();
     for (entries, &v) in whole.chunks_exact_mut(3).zip(assembly.free()) {
         for axis in 0..3 {
             entries[axis] += forces[v as usize][axis];
