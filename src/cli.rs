@@ -19,8 +19,6 @@ mod verify;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::{Args, CommandFactory, Parser, Subcommand};
 use clap_complete::Shell;
@@ -318,22 +316,20 @@ fn run(arguments: &RunArguments) -> Result<Ending, Failure> {
     }
     let folder = arguments.out.clone().unwrap_or_else(|| PathBuf::from("results").join(&plan.name));
     plan.program().into_iter().for_each(tell_of_program);
-    let has_map = Arc::new(AtomicBool::new(false));
     if arguments.dry_run {
-        plan.optimize.cancel = interrupt::cancel_run_on_signal(&has_map);
-        return print(&preview::preview(&plan, &folder)?);
+        let cancel = interrupt::cancel_on_signal();
+        plan.optimize.cancel = cancel.clone();
+        let text = experiment::left_before_map(&cancel, move |_| preview::preview(&plan, &folder), &mut |_| {})?;
+        return print(&text);
     }
     refuse_to_write_over([&arguments.config], &arguments.told.log)?;
     // Before hours of work, not after.
     check_folder_is_writable(&folder)?;
     FILES.iter().try_for_each(|name| check_file_can_be_put(&folder.join(name)))?;
-    plan.optimize.cancel = interrupt::cancel_run_on_signal(&has_map);
+    plan.optimize.cancel = interrupt::cancel_on_signal();
     let progress = Progress::new(&arguments.told)?;
-    let finished = experiment::run_and_tell(&plan, &mut |event| match event {
-        Event::Stage(stage) => {
-            has_map.fetch_or(stage == Stage::Optimizing, Ordering::Relaxed);
-            progress.begin(stage);
-        }
+    let finished = experiment::run_and_tell_or_leave(&plan, &mut |event| match event {
+        Event::Stage(stage) => progress.begin(stage),
         Event::Row(row) => progress.show(row),
     });
     progress.begin(Stage::Writing);

@@ -82,6 +82,36 @@ fn a_run_that_is_interrupted_writes_the_map_it_has_without_what_takes_long_and_i
     }
 }
 
+#[test]
+fn measuring_that_runs_out_of_its_time_proves_less_and_says_so_and_is_verified() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = Path::new(env!("CARGO_MANIFEST_DIR")).join("configs/smoke.toml");
+    let of = |cancel: Cancel| {
+        let mut plan = Plan::read(&config, &["optimize.max_iterations=0".into()]).unwrap();
+        plan.optimize.cancel = cancel;
+        experiment::run(&plan, &mut |_| {}).unwrap()
+    };
+    let (mut run, late) = (of(Cancel::default()), of(Cancel::default().within(Duration::ZERO)));
+    let [usual, coarse] = [&run, &late].map(|run| run.report.achieved.last.ball_k.unwrap());
+    assert!(coarse.cut_short && !usual.cut_short);
+    assert!(coarse.certified > usual.certified && coarse.sampled <= usual.certified, "{coarse:?} {usual:?}");
+    let words = "the time limit ended the search";
+    let [told, untold] = [&late, &run].map(|run| qcball::report::summary(&run.report).replace("\n            ", " "));
+    assert!(told.contains(words) && !untold.contains(words), "{told}");
+
+    // The rest in time; then a bound that is less than what a point of the map has.
+    let lower = qcball::measure::BallDilatation { certified: usual.sampled * 0.9, sampled: 1.0, cut_short: true };
+    for (name, ball_k, holds) in [("late", coarse, true), ("forged", lower, false)] {
+        let achieved = &mut run.report.achieved;
+        achieved.last.ball_k = Some(ball_k);
+        achieved.ball.ball_gap = achieved.ball.ball_bound.map(|bound| ball_k.certified / bound);
+        let out = folder.path().join(name);
+        write_results(&out, &run.report, &run.record()).unwrap();
+        let found = verify::verify(&out).unwrap();
+        assert!(found.verified == holds && found.to_string().contains("ball_k") != holds, "{name}: {found}");
+    }
+}
+
 /// Millions of tets would take a minute.
 #[test]
 fn shells_that_are_interrupted_are_no_map() {

@@ -249,6 +249,23 @@ fn settings_out_of_range_are_refused() {
     }
 }
 
+#[test]
+fn a_sheet_is_refused_before_the_mesher_is_looked_for() {
+    let of = |thickness: f64, keep_boundary: bool| {
+        let sheet = Solid::Box { size: [1.0, 1.0, thickness] }.surface().unwrap();
+        let program = Some("/there/is/none".into());
+        let settings = ExternalSettings { keep_boundary, program, ..usual(ExternalMesher::TetGen) };
+        external_mesh(&sheet, &settings, &Cancel::default()).unwrap_err()
+    };
+    // Of a volume of 1e-4 and an area of 2.0004: 2.0004^3 / 1e-8 = 8.0e8 tets.
+    let error = of(1e-4, false);
+    assert!(matches!(error, ExternalError::TooThin { tets, .. } if (tets / 8.0048e8 - 1.0).abs() < 1e-3), "{error}");
+    assert!(error.to_string().contains("keep_boundary = true"), "{error}");
+    for error in [of(1e-3, false), of(1e-4, true)] {
+        assert!(matches!(error, ExternalError::Missing { .. }), "{error}");
+    }
+}
+
 /// What a shell script that passes for a mesher leads to.
 #[cfg(unix)]
 fn with_script(mesher: ExternalMesher, script: &str, limit: Duration, cancel: &Cancel) -> ExternalError {

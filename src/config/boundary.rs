@@ -2,10 +2,43 @@
 
 use std::ops::RangeInclusive;
 
+use serde::de::{Deserialize, Deserializer, Visitor};
+
 use super::error::Fault;
 use super::{Config, CornersName, CornersValue, InitialMap, MeshPlan};
 use crate::map::CornerChoice;
 use crate::mesh::VertexId;
+
+/// Not by serde's `untagged`, which tells no misspelled name.
+impl<'de> Deserialize<'de> for CornersValue {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Either;
+        impl Visitor<'_> for Either {
+            type Value = CornersValue;
+
+            fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+                f.write_str("\"linear\", \"power\" or a number")
+            }
+
+            fn visit_str<E: serde::de::Error>(self, name: &str) -> Result<CornersValue, E> {
+                match name {
+                    "linear" => Ok(CornersValue::Named(CornersName::Linear)),
+                    "power" => Ok(CornersValue::Named(CornersName::Power)),
+                    _ => Err(E::unknown_variant(name, &["linear", "power", "a number"])),
+                }
+            }
+
+            fn visit_f64<E>(self, exponent: f64) -> Result<CornersValue, E> {
+                Ok(CornersValue::Exponent(exponent))
+            }
+
+            fn visit_i64<E>(self, exponent: i64) -> Result<CornersValue, E> {
+                Ok(CornersValue::Exponent(exponent as f64))
+            }
+        }
+        deserializer.deserialize_any(Either)
+    }
+}
 
 /// Exponents of distances, from a corner or from the centre: with others r^p leaves the range in which a map and its inverse can be told
 /// from rounding.

@@ -238,7 +238,7 @@ pub struct BoundaryTable {
     pub collar: f64,
     /// How the map behaves at the corners of the solid. Default: "linear", piecewise linear as everywhere. A number p from 0.05 to
     /// 50: like r^p of the distance r, with that exponent at every corner; "power": with the exponents that make the largest K least, found by a
-    /// search, which takes several optimizations. A corner of a flag mesh has the cones of its flags for this, one of another mesh the
+    /// search, which takes several optimizations, or without powers where edges had to be halved for them and that costs more. A corner of a flag mesh has the cones of its flags for this, one of another mesh the
     /// tets around it; edges that join two corners are halved first.
     pub corners: Option<CornersValue>,
     /// The vertices that are corners, by their numbers in the mesh, counted from 0: those of a mesh file as they stand there.
@@ -248,8 +248,8 @@ pub struct BoundaryTable {
 }
 
 /// The value of `boundary.corners`.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
-#[serde(untagged, expecting = "corners are \"linear\", \"power\" or a number")]
+#[derive(Clone, Copy, Debug, JsonSchema)]
+#[schemars(untagged)]
 pub enum CornersValue {
     /// One of the named ways.
     Named(CornersName),
@@ -258,8 +258,8 @@ pub enum CornersValue {
 }
 
 /// How a map behaves at corners.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, JsonSchema)]
+#[schemars(rename_all = "kebab-case")]
 pub enum CornersName {
     /// Piecewise linear.
     Linear,

@@ -248,6 +248,11 @@ fn faults_name_line_key_and_remedy() {
             "[domain]\nfile = \"part.mesh\"\n[mesh]\nkind = \"tetgen\"",
             &["case.toml:4: `kind` speaks of a mesh to be made"],
         ),
+        (
+            &format!("{cube}[boundary]\ncorners = \"powers\""),
+            &["case.toml:4: `boundary.corners` cannot be `powers`", "did you mean `power`?", "linear, power, a number"],
+        ),
+        (&format!("{cube}[boundary]\ncorners = [1.5]"), &["case.toml:4: `boundary.corners`", "\"power\" or a number"]),
         (&format!("{cube}[map]\nexponent = -2"), &["case.toml:4: `map.exponent` is -2"]),
         (&format!("{cube}[map]\nratio = 2"), &["case.toml:4: `ratio` is no parameter of a radial map"]),
         (&format!("{cube}[map]\nkind = \"folding\""), &["case.toml:3: `map.ratio`: missing field", "qcball schema"]),

@@ -1,21 +1,22 @@
-//! Runs that are left where they do not look up from what they do.
+//! Work that is left where it does not look up from what it does.
 
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 use super::{Event, Finished, RunError, Stage, run_and_tell};
+use crate::cancel::Cancel;
 use crate::config::Plan;
 use crate::optimize::TraceRow;
 
-/// How long a run that has no map yet is waited for after it was cancelled.
-pub(crate) const GRACE: Duration = Duration::from_secs(1);
+/// How long work that has no map yet is waited for after it was cancelled.
+const GRACE: Duration = Duration::from_secs(1);
 
 /// How often is looked whether it was.
 const POLL: Duration = Duration::from_millis(50);
 
 /// What a run tells, to another thread.
 enum Told {
-    HasMap,
+    Stage(Stage),
     Row(TraceRow),
 }
 
@@ -25,18 +26,40 @@ enum Told {
 /// # Errors
 /// As [`run`](super::run).
 pub fn run_or_leave(plan: &Plan, observe: &mut (dyn FnMut(&TraceRow) + Send)) -> Result<Finished, RunError> {
-    let cancel = &plan.optimize.cancel;
+    run_and_tell_or_leave(plan, &mut |event| {
+        if let Event::Row(row) = event {
+            observe(row);
+        }
+    })
+}
+
+/// [`run_and_tell`], left as [`run_or_leave`] is.
+///
+/// # Errors
+/// As [`run`](super::run).
+pub(crate) fn run_and_tell_or_leave(plan: &Plan, tell: &mut dyn FnMut(Event)) -> Result<Finished, RunError> {
+    let owned = plan.clone();
+    left_before_map(&plan.optimize.cancel, move |tell| run_and_tell(&owned, tell), tell)
+}
+
+/// Work that tells its stages and rows, in the same way.
+///
+/// # Errors
+/// Those of the work; [`RunError::Interrupted`].
+pub(crate) fn left_before_map<T: Send + 'static, E: From<RunError> + Send + 'static>(
+    cancel: &Cancel,
+    work: impl FnOnce(&mut (dyn FnMut(Event) + Send)) -> Result<T, E> + Send + 'static,
+    tell: &mut dyn FnMut(Event),
+) -> Result<T, E> {
     let (told, hear) = mpsc::channel();
     let (heard, go_on) = mpsc::channel();
-    let plan = plan.clone();
     let work = move || {
-        run_and_tell(&plan, &mut move |event| {
+        work(&mut move |event| {
             let told = match event {
-                Event::Stage(Stage::Optimizing) => told.send(Told::HasMap),
-                Event::Stage(_) => return,
+                Event::Stage(stage) => told.send(Told::Stage(stage)),
                 Event::Row(row) => told.send(Told::Row(row.clone())),
             };
-            // As if the observer were called here; nobody is there any more if the run was left.
+            // As if it were told here; nobody is there any more if the work was left.
             if told.is_ok() {
                 let _ = go_on.recv();
             }
@@ -47,14 +70,17 @@ pub fn run_or_leave(plan: &Plan, observe: &mut (dyn FnMut(&TraceRow) + Send)) ->
     let (mut has_map, mut since) = (false, None::<Instant>);
     loop {
         match hear.recv_timeout(POLL) {
-            Ok(Told::HasMap) => has_map = true,
-            Ok(Told::Row(row)) => observe(&row),
+            Ok(Told::Stage(stage)) => {
+                has_map |= stage == Stage::Optimizing;
+                tell(Event::Stage(stage));
+            }
+            Ok(Told::Row(row)) => tell(Event::Row(&row)),
             Err(RecvTimeoutError::Disconnected) => {
                 return work.join().unwrap_or_else(|payload| std::panic::resume_unwind(payload));
             }
             Err(RecvTimeoutError::Timeout) => {
                 if !has_map && cancel.is_raised() && since.get_or_insert_with(Instant::now).elapsed() > GRACE {
-                    return Err(RunError::Interrupted);
+                    return Err(RunError::Interrupted.into());
                 }
                 continue;
             }

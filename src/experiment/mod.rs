@@ -29,9 +29,8 @@ use crate::refine::{RefinedMap, Unrefined, refine};
 use crate::report::{MapRecord, RefinedFigures, Report, Times, UntanglingFigures, trace_hash};
 
 pub use error::{Fault, RunError};
-#[cfg(feature = "cli")]
-pub(crate) use leave::GRACE;
 pub use leave::run_or_leave;
+pub(crate) use leave::{left_before_map, run_and_tell_or_leave};
 pub use optimize_map::{GivenMap, OptimizedMap, optimize_map, read_locks};
 pub(crate) use record::{Course, Heading, bounds, record};
 pub(crate) use start::Start;
@@ -212,8 +211,8 @@ fn stages(plan: &Plan, tell: &mut dyn FnMut(Event)) -> Result<Finished, RunError
     tell(Event::Stage(Stage::Measuring));
     let domain = &start.domain;
     // With the exponents arrived at, where corners have any.
-    let measured_initial = start.measure(&start.image, cancel);
-    let measured = start.measure(&outcome.positions, cancel);
+    let measured_initial = start.measure(&start.image, &plan.optimize.measuring_now());
+    let measured = start.measure(&outcome.positions, &plan.optimize.measuring_now());
     if plan.certify.is_some() {
         tell(Event::Stage(Stage::Certifying));
     }
@@ -263,17 +262,42 @@ fn stages(plan: &Plan, tell: &mut dyn FnMut(Event)) -> Result<Finished, RunError
     })
 }
 
-/// Untangles and optimizes the images of the vertices, and the exponents of corners if the plan leaves them open. The start is on the
-/// refined domain afterwards, where edges were halved.
+/// Untangles and optimizes the images of the vertices, and the exponents of corners if the plan leaves them open, and refines. The start is on
+/// the refined domain afterwards, where edges were halved.
 fn optimized(start: &mut Start, plan: &Plan, observe: &mut dyn FnMut(&TraceRow)) -> Result<Optimized, Fault> {
+    // One time limit for all that follows, and one polish at its end.
+    let timed = plan.optimize.starting_now();
+    let polish = if plan.refine.is_some() { Polish::None } else { timed.polish };
+    let first = Plan { optimize: OptimizeSettings { polish, ..timed.clone() }, ..plan.clone() };
+    let linear = without_powers(start, &first);
+    let mut optimized = settled(start, &first, observe)?;
+    let k = |start: &Start, optimized: &Optimized| {
+        let summary = start.measure(&optimized.outcome.positions, &timed.cancel).summary;
+        if plan.onto_ball { summary.ball_k.map_or(f64::INFINITY, |k| k.certified) } else { summary.max_k }
+    };
+    if let Some((other, of_other)) = linear
+        && k(&other, &of_other) < k(start, &optimized)
+    {
+        (*start, optimized) = (other, of_other);
+    }
+    refined(start, optimized, plan, &timed, observe)
+}
+
+/// The map without powers, where exponents are sought on a mesh whose edges from corner to corner were halved for them: on a coarse one that
+/// costs more than powers gain. What is wrong with it is of no account.
+fn without_powers(start: &Start, plan: &Plan) -> Option<(Start, Optimized)> {
+    if !start.seeks_powers_on_halves(plan) {
+        return None;
+    }
+    let (plan, mut start) = Start::without_powers(plan).ok()?;
+    let optimized = settled(&mut start, &plan, &mut |_| {}).ok()?;
+    optimized.untangled.resisting.is_empty().then_some((start, optimized))
+}
+
+/// The same without refinement.
+fn settled(start: &mut Start, plan: &Plan, observe: &mut dyn FnMut(&TraceRow)) -> Result<Optimized, Fault> {
     let settings = &plan.optimize;
     if start.corners.is_none() && !plan.symmetric && !plan.onto_ball {
-        // One time limit for all that follows, and one polish at its end.
-        let settings = &settings.starting_now();
-        let first = OptimizeSettings {
-            polish: if plan.refine.is_some() { Polish::None } else { settings.polish },
-            ..settings.clone()
-        };
         let tangled = |start: &Start| Tangled {
             domain: start.domain.clone(),
             start: start.image.clone(),
@@ -282,28 +306,23 @@ fn optimized(start: &mut Start, plan: &Plan, observe: &mut dyn FnMut(&TraceRow))
             may_refine: !plan.keep_mesh,
         };
         let others = [Start::in_spherical, Start::over_collar];
-        let (freed, outcome) = free_and_optimize_one_of(start, &others, tangled, &first, observe)?;
+        let (freed, outcome) = free_and_optimize_one_of(start, &others, tangled, settings, observe)?;
         start.take_freed(&freed);
         let Freed { untangled, flipped_before, refinement_splits, .. } = freed;
-        let optimized = Optimized {
+        return Ok(Optimized {
             untangled,
             flipped_before,
             refinement_splits,
             outcome,
             refined: None,
             changes: MeshChanges::default(),
-        };
-        return refined(start, optimized, plan, settings, observe);
+        });
     }
     let flipped_before = flipped_tets(&start.domain, &start.image).len();
-    let timed = settings.starting_now();
-    let polish = if plan.refine.is_some() { Polish::None } else { settings.polish };
-    let first = Plan { optimize: OptimizeSettings { polish, ..timed.clone() }, ..plan.clone() };
-    let (untangled, outcome, corners) = optimize_warped(start, &first, observe)?;
+    let (untangled, outcome, corners) = optimize_warped(start, plan, observe)?;
     start.corners = corners;
     let changes = MeshChanges::default();
-    let optimized = Optimized { untangled, flipped_before, refinement_splits: 0, outcome, refined: None, changes };
-    refined(start, optimized, plan, &timed, observe)
+    Ok(Optimized { untangled, flipped_before, refinement_splits: 0, outcome, refined: None, changes })
 }
 
 /// The same after the refinement that the plan asks for, if it does.

@@ -179,8 +179,8 @@ pub fn optimize_map(
         refined = Some(RefinedFigures { tets_before, surface, max_k_before, end, rounds });
     }
     let fixed = fixed.unwrap_or_else(|| domain.boundary().vertex_mask().to_vec());
-    let before = measure_onto_ball_until(&domain, &start, &settings.cancel);
-    let after = measure_onto_ball_until(&domain, &outcome.positions, &settings.cancel);
+    let before = measure_onto_ball_until(&domain, &start, &settings.measuring_now());
+    let after = measure_onto_ball_until(&domain, &outcome.positions, &settings.measuring_now());
     let boundary_is_fixed = domain.boundary().vertex_mask().iter().zip(&fixed).all(|(&on, &fixed)| fixed || !on);
     let mut bounds = if boundary_is_fixed {
         bound::all_until(&domain, &outcome.positions, None, false, &settings.cancel)

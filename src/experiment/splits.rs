@@ -49,14 +49,19 @@ pub(super) fn between_corners(domain: Domain, plan: &Plan) -> Result<(Domain, Op
     Ok((taken(domain, &halves)?, (splits.corners > 0).then_some(splits)))
 }
 
-/// What edges that were halved between corners may cost.
-pub(super) fn halved_for_corners(splits: Splits) -> Option<String> {
+/// What edges that were halved between corners may cost; `is_compared`: the map without powers, on the mesh as it is, was made too.
+pub(super) fn halved_for_corners(splits: Splits, is_compared: bool) -> Option<String> {
     let edges = splits.corners;
+    let advice = match is_compared {
+        true => "the map without powers, on the mesh as it is, was made as well and is no better; more tets may gain",
+        false => {
+            "that may cost more than the powers gain: compare with boundary.corners = \"linear\", which leaves the mesh as it is, or ask for more tets"
+        }
+    };
     (edges > 0).then(|| {
         format!(
             "{edges} edges from corner to corner were halved, since the map can be like a power at one corner of a tet only; on a mesh so coarse \
-             that raises K, and may cost more than the powers gain: compare with boundary.corners = \"linear\", which leaves the mesh as it is, or \
-             ask for more tets"
+             that raises K, and {advice}"
         )
     })
 }

@@ -77,12 +77,13 @@ impl Start {
     /// The cones of the corners, if the plan warps them.
     fn with_corners(self, plan: &Plan) -> Result<Self, RunError> {
         let corners = corners(&self.domain, self.flags.as_ref(), plan).map_err(RunError::at(&self.origin))?;
+        let is_compared = self.seeks_powers_on_halves(plan);
         let mut warnings = self.warnings;
-        warnings.extend(self.splits.and_then(halved_for_corners));
+        warnings.extend(self.splits.and_then(|splits| halved_for_corners(splits, is_compared)));
         Ok(Self { corners, symmetric: plan.symmetric, warnings, ..self })
     }
 
-    /// Measures the map with these images of the vertices, onto the ball too, unless that is cancelled.
+    /// Measures the map with these images of the vertices, onto the ball too, unless that is cancelled; at a deadline its upper end is coarse.
     pub fn measure(&self, image: &[Vec3], cancel: &Cancel) -> Measured {
         match &self.corners {
             None => measure_onto_ball_until(&self.domain, image, cancel),

@@ -59,7 +59,7 @@ use crate::dilatation::null_is_infinite;
 use crate::domain::Domain;
 use crate::map::Corners;
 use crate::mesh::{Orientation, TetId, Vec3, VertexId, View, orientation};
-use cones::{Cone, Cones};
+use cones::{Cap, Cone, Cones};
 use enclosure::{ExactWarp, TetMap};
 use pieces::WarpedTet;
 use polygon::{Polygon, Shadow};
@@ -74,6 +74,16 @@ pub struct BallDilatation {
     /// The largest K that was found at a point, at most `certified`; infinite where a tet is flipped.
     #[serde(deserialize_with = "null_is_infinite")]
     pub sampled: f64,
+    /// Whether a deadline ended the search: `certified` is proved, but coarser than it would be.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub cut_short: bool,
+}
+
+impl BallDilatation {
+    /// Two ends, as far apart as the search for them leaves them.
+    fn between(sampled: f64, certified: f64) -> Self {
+        Self { certified, sampled, cut_short: false }
+    }
 }
 
 /// Why a map's image is not taken onto the ball by moving its points along their rays.
@@ -97,6 +107,8 @@ const POLYGONS: (usize, usize) = (200_000, 10);
 /// The work after which tets are bounded as a whole only, in [`Effort::work`], and so much more a tet. Ordinary meshes take 2 or 3 a tet;
 /// but in an image as flat as a sheet a tet meets a share of all cones.
 const WORK: (usize, usize) = (400_000, 8);
+/// Cones of one tet after which is looked whether the work is due.
+const LOOK: usize = 64;
 /// Cones that are looked at in the time of one polygon, where they are needles and exact predicates have to tell.
 const CONES_A_POLYGON: usize = 2;
 /// How near the two ends are brought where there are warps.
@@ -138,8 +150,8 @@ pub fn warped_ball_dilatation(
     Ok(enclosed.expect("nobody cancels it"))
 }
 
-/// The same unless it is cancelled from outside, in which case it ends without a result; deadlines are not heeded. Of the `part` alone, if
-/// there is one: all other tets and their images are mirror images of its, but for at most [`SNAP`](cones::SNAP) of their distance.
+/// The same unless it is cancelled from outside, in which case it ends without a result; at a deadline what is left is bounded as a whole.
+/// Of the `part` alone, if there is one: all other tets and their images are mirror images of its, but for at most [`SNAP`](cones::SNAP) of their distance.
 fn enclosed(
     domain: &Domain,
     corners: Option<&Corners>,
@@ -172,7 +184,7 @@ fn enclosed_by(
             && orientation(positions.each_ref()) == Orientation::Positive
     };
     if !(0..tets.len()).into_par_iter().all(is_positive) {
-        return Ok(Some(BallDilatation { certified: f64::INFINITY, sampled: f64::INFINITY }));
+        return Ok(Some(BallDilatation::between(f64::INFINITY, f64::INFINITY)));
     }
     let rest = |tet: usize| domain.mesh().corners(TetId(tet as u32));
     let map = |tet: usize| TetMap::new(&rest(tet), &positions(tet));
@@ -189,7 +201,6 @@ fn enclosed_by(
     // The tets that are looked at.
     let chosen: Vec<usize> =
         part.map_or_else(|| (0..tets.len()).collect(), |part| part.iter().map(|t| t.index()).collect());
-    // Each tet takes a fraction of a second at most, all of them minutes.
     let goes_on = || !cancel.is_raised();
     let cones = &onto.cones;
     // Every direction of a boundary triangle is one of its tet. Of a warped tet points are looked at, since only at these its
@@ -213,25 +224,19 @@ fn enclosed_by(
         });
     let of_warped = chosen.par_iter().map(|&tet| TetId(tet as u32)).filter(|tet| goes_on() && !linear(tet));
     let of_warped = of_warped.map(|tet| attained(onto.sampled(tet))).reduce(|| 1.0, f64::max);
-    let found = BallDilatation { certified: 1.0, sampled: at_boundary.reduce(|| 1.0, f64::max).max(of_warped) };
-    // The tets of largest K first: once theirs are known, most of the others are passed over.
-    let most = cones.largest_stretch();
-    let bound = |k: f64| product(k, most);
+    let found = BallDilatation::between(at_boundary.reduce(|| 1.0, f64::max).max(of_warped), 1.0);
     // Rounded down, so that no product with K is above what was found.
-    let low = (found.sampled / most).next_down().next_down();
+    let low = (found.sampled / cones.largest_stretch()).next_down().next_down();
     let may_exceed = |tet: usize| !linear(&TetId(tet as u32)) || TetMap::may_exceed(&rest(tet), &positions(tet), low);
-    let largest = |tet: usize| warped(tet).map_or_else(|| map(tet).k(), |warped| warped.k());
-    let mut order: Vec<(f64, usize)> = chosen
-        .into_par_iter()
-        .filter(|&tet| goes_on() && may_exceed(tet))
-        .map(|tet| (bound(largest(tet)), tet))
-        .collect();
-    order.par_sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    // Of the tet as a whole, by the largest K that the radial map has in any cone that it may meet.
+    // Each tet as a whole, by the largest K that the radial map has in any cone that it may meet.
     let as_a_whole = |tet: usize| {
-        let cap = *Shadow::of(&positions(tet)).cap();
-        product(largest(tet), cones.largest_stretch_near(&cap))
+        let largest = warped(tet).map_or_else(|| map(tet).k(), |warped| warped.k());
+        product(largest, cones.largest_stretch_near(&Cap::of_tet(&positions(tet))))
     };
+    // Those of the largest bound first: once theirs are known, most of the others are passed over.
+    let mut order: Vec<(f64, usize)> =
+        chosen.into_par_iter().filter(|&tet| goes_on() && may_exceed(tet)).map(|tet| (as_a_whole(tet), tet)).collect();
+    order.par_sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     let of_linear = (0..tets.len() as u32).all(|tet| linear(&TetId(tet)));
     // From what was sampled.
     let first = found;
@@ -239,22 +244,22 @@ fn enclosed_by(
         let mut found = first;
         let room = if of_linear && !snaps { 1.0 } else { 1.0 + TOLERANCE_WARPED };
         let mut left = POLYGONS.0 + POLYGONS.1 * tets.len();
-        for (number, batch) in order.chunks(BATCH).enumerate() {
+        for batch in order.chunks(BATCH) {
             let floor = found.certified.max(found.sampled * room);
             if batch[0].0 <= floor {
                 break;
             }
-            if *work == 0 {
-                let rest = order[number * BATCH..].par_iter().filter(|(bound, _)| goes_on() && *bound > floor);
-                let largest = rest.map(|(_, tet)| as_a_whole(*tet)).reduce(|| 1.0, f64::max);
-                found.certified = found.certified.max(largest);
+            let is_late = cancel.is_due();
+            if *work == 0 || is_late {
+                found.certified = found.certified.max(batch[0].0);
+                found.cut_short |= is_late;
                 break;
             }
             let tolerance = if left > 0 { TOLERANCE } else { ROUGH };
             let bounded = batch.par_iter().filter(|(bound, _)| goes_on() && *bound > floor);
             let bounded = bounded.map(|&(_, tet)| match warped(tet) {
-                None => of_tet(&map(tet), &positions(tet), snaps, cones, floor, tolerance),
-                Some(warped) => warped.bound(floor),
+                None => of_tet(&map(tet), &positions(tet), snaps, cones, (floor, tolerance), cancel),
+                Some(warped) => warped.bound(floor, cancel),
             });
             let (more, effort) = bounded.reduce(|| (found, Effort::default()), larger);
             (found, left) = (more, left.saturating_sub(effort.polygons));
@@ -274,7 +279,7 @@ fn enclosed_by(
     let snapped = bounded(true, &mut work);
     Ok(snapped.map(|snapped| BallDilatation {
         certified: snapped.certified.max(found.sampled).min(found.certified),
-        ..found
+        ..snapped
     }))
 }
 
@@ -286,7 +291,7 @@ pub fn measure_onto_ball(domain: &Domain, image: &[Vec3]) -> Measured {
     measure_onto_ball_until(domain, image, &Cancel::default())
 }
 
-/// The same, without K onto the ball if it is cancelled from outside before that is found.
+/// The same, without K onto the ball if it is cancelled from outside before that is found; of what a deadline leaves, the upper end is coarse.
 ///
 /// # Panics
 /// If `image` has fewer positions than the domain has vertices.
@@ -298,7 +303,7 @@ pub fn measure_onto_ball_until(domain: &Domain, image: &[Vec3], cancel: &Cancel)
 
 /// The same of the map after the warps of corners of the domain, see [`measure_elements`]. Of a map that commutes with mirror planes of the
 /// domain, K onto the ball is bounded on the tets `chamber` alone, of which all others and their images are mirror images but for rounding
-/// (at most 1e-12 of the size of the domain, of the image): the bound is that of the symmetric map.
+/// (at most 1e-12 of the size of the domain, of the image): the bound is that of the symmetric map. Cancelled as [`measure_onto_ball_until`].
 ///
 /// # Panics
 /// If `image` has fewer positions than the domain has vertices.
@@ -372,45 +377,57 @@ impl Effort {
 fn larger((a, of_a): (BallDilatation, Effort), (b, of_b): (BallDilatation, Effort)) -> (BallDilatation, Effort) {
     let (certified, sampled) = (a.certified.max(b.certified), a.sampled.max(b.sampled));
     let effort = Effort { polygons: of_a.polygons + of_b.polygons, cones: of_a.cones + of_b.cones };
-    (BallDilatation { certified, sampled }, effort)
+    (BallDilatation { certified, sampled, cut_short: a.cut_short || b.cut_short }, effort)
 }
 
 /// The largest K of one tet in the cones that its image meets, and what that took. What lies below `floor` need
-/// not be known better, and nothing better than to `tolerance`. If it `snaps`, vertices near the sides of cones are taken to lie on them
-/// ([`pieces`]).
+/// not be known better, and nothing better than to `tolerance`, or than what is known when `cancel` is due. If it `snaps`, vertices near
+/// the sides of cones are taken to lie on them ([`pieces`]).
 fn of_tet(
     map: &TetMap,
     corners: &[Vec3; 4],
     snaps: bool,
     cones: &Cones,
-    floor: f64,
-    tolerance: f64,
+    (floor, tolerance): (f64, f64),
+    cancel: &Cancel,
 ) -> (BallDilatation, Effort) {
     let mut effort = Effort::default();
     if map.k().is_infinite() {
-        return (BallDilatation { certified: f64::INFINITY, sampled: 1.0 }, effort);
+        return (BallDilatation::between(1.0, f64::INFINITY), effort);
     }
     let shadow = Shadow::of(corners);
     let moved = if snaps { pieces::moved_by_snapping(corners) } else { 0.0 };
     let mut search = Search { map, moved, queue: BinaryHeap::new(), sampled: 1.0, wanted: floor, tolerance };
     let misses = |cone: &Cone| if snaps { shadow.nearly_misses(cone) } else { shadow.misses(cone) };
     // Rounded down, so that no product with K is above the floor.
+    let mut is_late = false;
     cones.for_each_near(shadow.cap(), (floor / map.k()).next_down().next_down(), &mut |index| {
+        is_late = is_late || (effort.cones % LOOK == 0 && cancel.is_due());
+        if is_late {
+            return;
+        }
         effort.cones += 1;
         let cone = cones.get(index);
         if product(map.k(), cone.stretch) > floor && !misses(cone) {
             Polygon::of(&shadow, cone, map).into_iter().for_each(|polygon| search.take(polygon, index, cone));
         }
     });
+    if is_late {
+        let certified = product(map.k(), cones.largest_stretch_near(shadow.cap()));
+        return (BallDilatation { certified, sampled: search.sampled, cut_short: true }, effort);
+    }
     while let Some(Queued { bound, index, polygon }) = search.queue.pop() {
         effort.polygons += 1;
         if bound <= search.wanted || effort.polygons > MOST_POLYGONS {
-            return (BallDilatation { certified: bound, sampled: search.sampled }, effort);
+            return (BallDilatation::between(search.sampled, bound), effort);
+        }
+        if cancel.is_due() {
+            return (BallDilatation { certified: bound, sampled: search.sampled, cut_short: true }, effort);
         }
         let cone = cones.get(index);
         polygon.halved(map, cone).into_iter().for_each(|half| search.take(half, index, cone));
     }
-    (BallDilatation { certified: 1.0, sampled: search.sampled }, effort)
+    (BallDilatation::between(search.sampled, 1.0), effort)
 }
 
 /// The polygons of one tet, and how far they are to be halved.

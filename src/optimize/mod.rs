@@ -96,7 +96,7 @@ pub struct OptimizeSettings {
     pub tolerance: f64,
     /// Most iterations over all phases, untangling not counted, which takes up to 1000 of its own, or so many where they are more; 0 does neither.
     pub max_iterations: usize,
-    /// Most wall time of untangling and optimizing together; where it is set, results depend on the machine's speed.
+    /// Most wall time of untangling and optimizing together; a run measures its two maps in as much again. Where it is set, results depend on the machine's speed.
     pub time_limit: Option<Duration>,
     /// Ends the optimisation from outside, or at a deadline.
     pub cancel: Cancel,
@@ -107,6 +107,12 @@ impl OptimizeSettings {
     pub(crate) fn starting_now(&self) -> Self {
         let cancel = self.time_limit.map_or_else(|| self.cancel.clone(), |limit| self.cancel.within(limit));
         Self { cancel, ..self.clone() }
+    }
+
+    /// What ends the measuring of one of the two maps of a run, from now on: either may take half the time limit again, or a second.
+    pub(crate) fn measuring_now(&self) -> Cancel {
+        let limit = self.time_limit.map(|limit| (limit / 2).max(Duration::from_secs(1)));
+        limit.map_or_else(|| self.cancel.clone(), |limit| self.cancel.within(limit))
     }
 }
 

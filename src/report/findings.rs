@@ -12,9 +12,13 @@ const FULL: f64 = 0.9;
 /// by themselves end at 1.25 or little more.
 const COARSE: f64 = 3.0;
 
+/// What is said of a K onto the ball whose search was ended.
+pub(crate) const CUT_SHORT: &str = "; the time limit ended the search for it, so that this bound is coarse";
+
 /// What goes before all else where the image is far from a ball.
 pub(super) fn coarse_warning(columns: usize, ball: &BallFigures, last: &Summary) -> String {
-    let is_coarse = |(fraction, k): &(f64, BallDilatation)| *fraction < FULL || k.certified > COARSE * last.max_k;
+    let is_coarse =
+        |(fraction, k): &(f64, BallDilatation)| *fraction < FULL || (!k.cut_short && k.certified > COARSE * last.max_k);
     let Some((fraction, k)) = ball.ball_fraction.zip(last.ball_k).filter(is_coarse) else {
         return String::new();
     };
@@ -36,9 +40,10 @@ pub(crate) fn ball_lines(columns: usize, ball: &BallFigures, start: Option<&Summ
     let start = start.and_then(|start| start.ball_k);
     let start = start.map(|k| format!(" (start {})", upper_bound(k.certified))).unwrap_or_default();
     let text = format!(
-        "K onto the ball <= {}{start}, of the map followed by the radial map of its image, which fills {} of the ball",
+        "K onto the ball <= {}{start}, of the map followed by the radial map of its image, which fills {} of the ball{}",
         upper_bound(k.certified),
-        percent(fraction)
+        percent(fraction),
+        if k.cut_short { CUT_SHORT } else { "" }
     );
     let bracket = ball.ball_bound.zip(ball.ball_gap).map(|(bound, gap)| {
         let text = format!(
@@ -111,7 +116,7 @@ fn best_in_words(best: BestBound) -> String {
             format!("K >= {}; the map is within a factor of {} of it", lower_bound(bound), upper_bound(gap))
         }
         (Some(bound), None) => format!("K >= {}; the map has no finite K to compare", lower_bound(bound)),
-        (None, _) => "none applies to this map, so no gap is known".into(),
+        (None, _) => "none is known that applies to this map, and so no gap".into(),
     }
 }
 

@@ -59,7 +59,11 @@ impl Limit {
             );
         }
         if bounds.is_empty() {
-            return say(LimitedBy::Unknown, "no bound was computed, so what limits K is not known".into());
+            let why = match ending {
+                Some((StopReason::Cancelled, _)) => "the run was interrupted before bounds were computed",
+                _ => "no bound was computed",
+            };
+            return say(LimitedBy::Unknown, format!("{why}, so what limits K is not known"));
         }
         let Some(best) = best_applicable(bounds) else {
             return say(LimitedBy::Unknown, "no bound applies to this map, so what limits K is not known".into());
@@ -220,7 +224,8 @@ mod tests {
             (8.0, vec![mesh(4.0)], settled, Unknown, "not proved"),
             (8.0, vec![mesh(4.0)], None, Unknown, "50.0 %"),
             (8.0, vec![smooth(4.0)], settled, Unknown, "no bound applies"),
-            (8.0, vec![], interrupted, Unknown, "no bound was computed"),
+            (8.0, vec![], interrupted, Unknown, "was interrupted before bounds were computed"),
+            (8.0, vec![], settled, Unknown, "no bound was computed"),
             (f64::INFINITY, vec![mesh(4.0)], None, Unknown, "flipped"),
         ];
         for (max_k, bounds, ending, by, words) in cases {

@@ -206,8 +206,17 @@ fn refined_line(columns: usize, achieved: &Achieved) -> String {
     let count = rounds.len();
     let of_surface =
         if *surface { ", on the surface too, for K onto the ball as with objective = \"ball\"" } else { "" };
+    let carried = match (&achieved.untangling, achieved.initial.flipped) {
+        (None, flipped @ 1..) => {
+            format!(
+                "; of the start, carried over to this mesh, {flipped} tet{} are flipped, which says nothing of the final map",
+                s(flipped)
+            )
+        }
+        _ => String::new(),
+    };
     let text = format!(
-        "{count} round{} where K sits{of_surface}{flipped}, {added} tet{} added ({share}){reached}{nothing}; {why}",
+        "{count} round{} where K sits{of_surface}{flipped}, {added} tet{} added ({share}){reached}{nothing}; {why}{carried}",
         s(count),
         s(added)
     );
@@ -256,9 +265,13 @@ pub fn map_summary(report: &MapReport, columns: usize) -> String {
         "{} vertices ({} fixed), {} tets ({} locked)",
         report.vertices, report.fixed, report.tets, report.locked
     );
-    let Achieved { bounds, best, limit, .. } = &report.achieved;
+    let Achieved { bounds, best, limit, stop, .. } = &report.achieved;
     let [limit, bounds] = if bounds.is_empty() {
-        [labelled(columns, "bounds", "none: not every boundary vertex is fixed"), String::new()]
+        let why = match stop {
+            StopReason::Cancelled => "none: the run was interrupted",
+            _ => "none: not every boundary vertex is fixed",
+        };
+        [labelled(columns, "bounds", why), String::new()]
     } else {
         [best_and_limit(columns, *best, limit), format!("\n{}", bounds_list(columns, bounds))]
     };

@@ -120,6 +120,14 @@ impl ExternalSettings {
             }
             _ => {}
         }
+        if self.mesher == ExternalMesher::TetGen && !self.keep_boundary {
+            // A sheet of thickness 0.01 and two triangles a side takes TetGen 80,000 tets.
+            let (volume, area) = (surface.volume(), surface.area());
+            let tets = area.powi(3) / (volume * volume);
+            if tets > MOST_TETS as f64 {
+                return Err(ExternalError::TooThin { thickness: 2.0 * volume / area, tets });
+            }
+        }
         self.sizing.as_ref().map_or(Ok(()), |sizing| sizing.check().map_err(ExternalError::Settings))
     }
 }

@@ -46,6 +46,16 @@ pub(super) fn check(files: &Files, findings: &mut Findings) {
         before.summary.ball_k = ball_dilatation(&files.domain, &files.start).ok();
         (before, again.start.measure(&files.image, &Cancel::default()))
     };
+    let told = &files.report.achieved;
+    for (found, told) in [(&mut before, &told.initial), (&mut after, &told.last)] {
+        let Some((found, told)) = found.summary.ball_k.as_mut().zip(told.ball_k.filter(|told| told.cut_short)) else {
+            continue;
+        };
+        // A search that ended early: what it proves is no less than what is found now, and what it found no more than what is proved.
+        if told.certified >= found.sampled && told.sampled <= found.certified {
+            *found = told;
+        }
+    }
     if files.report.achieved.stop == StopReason::Cancelled {
         // An interrupted run may not have come to K onto the ball.
         let told = &files.report.achieved;

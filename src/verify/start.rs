@@ -62,6 +62,13 @@ pub(super) fn again(files: &Files, findings: &mut Findings) -> Option<Again> {
             return Some(as_told(source));
         }
     };
+    // Where the map without powers was better, it was taken.
+    let is_without_powers = plan.corners == CornerChoice::Power && files.corners.is_none();
+    let corners_of_plan = if is_without_powers { CornerChoice::Linear } else { plan.corners };
+    let plan = Plan { corners: corners_of_plan, ..plan };
+    if is_without_powers {
+        findings.trust("that powers at the corners give no smaller K");
+    }
     if report.achieved.untangling.as_ref().is_some_and(|untangling| untangling.refinement_splits > 0) {
         findings
             .trust("that the domain is the config's with edges halved where tets resisted untangling, and its start");
@@ -92,7 +99,10 @@ pub(super) fn again(files: &Files, findings: &mut Findings) -> Option<Again> {
         return Some(as_told(source));
     }
     let start = match make(&plan, files, unrefined, findings) {
-        Ok(start) => start.told_by(&report.map.map).with_exponents_of(files.corners.as_ref()),
+        Ok(start) => {
+            let start = if is_without_powers { start.told_to_be_without_powers() } else { start };
+            start.told_by(&report.map.map).with_exponents_of(files.corners.as_ref())
+        }
         Err(error) => {
             findings.found(format!("the config makes no start: {error}"));
             return Some(as_told(source));

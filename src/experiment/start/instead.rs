@@ -1,7 +1,8 @@
-//! What takes the place of a start whose tets resist untangling.
+//! What takes the place of a start whose tets resist untangling, or whose powers at corners cost more than they gain.
 
-use super::Start;
-use crate::map::{AREA_WEIGHT_OVER_COLLAR, spherical_starts_over_collar};
+use super::{RunError, Start};
+use crate::config::Plan;
+use crate::map::{AREA_WEIGHT_OVER_COLLAR, CornerChoice, spherical_starts_over_collar};
 use crate::optimize::Freed;
 use crate::report::Splits;
 use crate::sphere::SphereSettings;
@@ -71,6 +72,33 @@ impl Start {
         {
             (self.image, self.map.map) = (second, map.into());
         }
+        self
+    }
+
+    /// Whether exponents are sought on a mesh whose edges from corner to corner were halved, and the map without powers is made as well.
+    pub fn seeks_powers_on_halves(&self, plan: &Plan) -> bool {
+        plan.corners == CornerChoice::Power
+            && plan.optimize.max_iterations > 0
+            && self.splits.is_some_and(|splits| splits.corners > 0)
+    }
+
+    /// The start of the map without powers, which takes the place of that with them where its K is smaller, and its plan.
+    ///
+    /// # Errors
+    /// As [`Start::of`].
+    pub fn without_powers(plan: &Plan) -> Result<(Plan, Self), RunError> {
+        let plan = Plan { corners: CornerChoice::Linear, ..plan.clone() };
+        let start = Self::of(&plan)?;
+        Ok((plan, start.told_to_be_without_powers()))
+    }
+
+    /// The same with a warning of it.
+    pub fn told_to_be_without_powers(mut self) -> Self {
+        self.warnings.push(
+            "corners = \"power\" halves edges from corner to corner, which on this mesh costs more than the powers gain: the map without powers has the \
+             smaller K and was taken; ask for more tets, so that they gain"
+                .into(),
+        );
         self
     }
 }

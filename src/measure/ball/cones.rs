@@ -56,6 +56,12 @@ impl Cap {
         if cap.radius < 1.57 { cap } else { Self::ALL }
     }
 
+    /// A cap around the directions in which a tet is seen from 0, which may be one of its corners.
+    pub fn of_tet(corners: &[Vec3; 4]) -> Self {
+        let directions: Vec<Vec3> = corners.iter().copied().filter(|p| *p != Vec3::zeros()).collect();
+        Self::around(&directions)
+    }
+
     /// A cap around caps.
     fn of(caps: &[Self]) -> Self {
         let sum: Vec3 = caps.iter().map(|cap| cap.centre).sum();

@@ -41,6 +41,7 @@ use super::cones::{Cone, Cones, SNAP, beside};
 use super::enclosure::{ExactWarp, Norms, Pair, TetMap, shears};
 use super::polygon::Shadow;
 use super::{BallDilatation, Effort, attained, larger, of_tet, product};
+use crate::cancel::Cancel;
 use crate::linalg::interval::{Interval, exact_vector};
 use crate::mesh::{Mat3, Vec3, edge_matrix};
 
@@ -151,22 +152,29 @@ impl<'a> WarpedTet<'a> {
         self.at_corners.iter().map(TetMap::k).fold(1.0, f64::max)
     }
 
-    /// Bounds of K on the tet, of which what lies below `floor` need not be known better, and what that took.
-    pub fn bound(&self, floor: f64) -> (BallDilatation, Effort) {
+    /// Bounds of K on the tet, of which what lies below `floor` need not be known better, nor than what is known when `cancel` is due, and what
+    /// that took.
+    pub fn bound(&self, floor: f64, cancel: &Cancel) -> (BallDilatation, Effort) {
         let (most, shadow) = (self.k(), Shadow::of(&self.image));
         let mut search = Search { tet: self, queue: BinaryHeap::new(), sampled: 1.0, effort: Effort::default() };
         if most.is_infinite() {
-            return (BallDilatation { certified: f64::INFINITY, sampled: 1.0 }, search.effort);
+            return (BallDilatation::between(1.0, f64::INFINITY), search.effort);
         }
         if shadow.cap().is_all() {
             // 0 may lie inside, where no point has a direction.
-            let of_maps = self.at_corners.iter().map(|map| of_tet(map, &self.image, false, self.cones, floor, 1e-2));
-            let nothing = (BallDilatation { certified: 1.0, sampled: 1.0 }, Effort::default());
+            let of_maps =
+                self.at_corners.iter().map(|map| of_tet(map, &self.image, false, self.cones, (floor, 1e-2), cancel));
+            let nothing = (BallDilatation::between(1.0, 1.0), Effort::default());
             let (found, effort) = of_maps.fold(nothing, larger);
             return (BallDilatation { sampled: 1.0, ..found }, effort);
         }
         // Rounded down, so that no product with K is above the floor.
+        let mut is_late = false;
         self.cones.for_each_near(shadow.cap(), (floor / most).next_down().next_down(), &mut |index| {
+            is_late = is_late || cancel.is_due();
+            if is_late {
+                return;
+            }
             search.effort.cones += 1;
             let cone = self.cones.get(index);
             let rough = product(most, cone.stretch);
@@ -184,15 +192,20 @@ impl<'a> WarpedTet<'a> {
                 search.take(piece(simplex), floor, true);
             }
         });
+        if is_late {
+            let certified = product(most, self.cones.largest_stretch_near(shadow.cap()));
+            return (BallDilatation { certified, sampled: search.sampled, cut_short: true }, search.effort);
+        }
         while let Some(piece) = search.queue.pop() {
-            if search.effort.polygons > MOST {
-                return (BallDilatation { certified: piece.bound, sampled: search.sampled }, search.effort);
+            let cut_short = cancel.is_due();
+            if search.effort.polygons > MOST || cut_short {
+                return (BallDilatation { certified: piece.bound, sampled: search.sampled, cut_short }, search.effort);
             }
             for half in self.halves(&piece) {
                 search.take(half, floor, true);
             }
         }
-        (BallDilatation { certified: 1.0, sampled: search.sampled }, search.effort)
+        (BallDilatation::between(search.sampled, 1.0), search.effort)
     }
 
     fn corner(&self, cone: &Cone, weights: &Weights) -> Corner {

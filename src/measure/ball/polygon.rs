@@ -47,7 +47,7 @@ impl Shadow {
                 planes.extend(supporting(&side, corners));
             }
         }
-        Self { corners: *corners, cap: Cap::around(&directions), sides, planes }
+        Self { corners: *corners, cap: Cap::of_tet(corners), sides, planes }
     }
 
     pub fn cap(&self) -> &Cap {

@@ -233,7 +233,7 @@ fn a_chamber_bounds_a_symmetric_map_as_all_of_it_does() {
 }
 
 #[test]
-fn what_is_left_when_the_work_is_spent_is_bounded_as_a_whole_and_a_signal_ends_it() {
+fn what_is_left_when_the_work_or_the_time_is_spent_is_bounded_as_a_whole_and_a_signal_ends_it() {
     let ((plain, of_plain), (warped, of_warped, corners)) = (cube(2, 4, 0.01), warped_cube(1.3, 0.01));
     let raised = Cancel::default();
     raised.raise();
@@ -251,5 +251,9 @@ fn what_is_left_when_the_work_is_spent_is_bounded_as_a_whole_and_a_signal_ends_i
         assert!(all.certified < none.certified && none.certified <= whole, "{none:?} {all:?} {whole}");
         assert!(all.sampled <= all.certified && none.sampled <= all.certified, "{none:?} {one:?} {all:?} {whole}");
         assert_eq!(by(usize::MAX, &raised), None);
+        // A deadline is told, and leaves no less.
+        let late = by(usize::MAX, &Cancel::default().within(std::time::Duration::ZERO));
+        assert_eq!(late, Some(BallDilatation { cut_short: true, ..none }));
+        assert!(!none.cut_short && !all.cut_short);
     }
 }

@@ -13,6 +13,7 @@ use crate::dilatation::{lower_bound, number, upper_bound};
 use crate::mesh::io::{read_tet_file, read_tets};
 use crate::mesh::{Boundary, Place, TetMesh, TopologyError, Unit, Vec3};
 use crate::optimize::TraceRow;
+use crate::report::findings::CUT_SHORT;
 use crate::report::words::{decimals, percent, point};
 use crate::report::{CellRow, MapFigures, Report, START, summary};
 
@@ -245,8 +246,9 @@ fn in_words(report: &Report) -> String {
     if let (Some(k), Some(share)) = (onto_ball, ball.ball_fraction) {
         words += &format!(
             " The image fills {} of the ball. Followed by the radial map of this polyhedron, it is a map onto the ball whose K is at \
-             most {k}",
-            percent(share)
+             most {k}{}",
+            percent(share),
+            if report.achieved.last.ball_k.is_some_and(|k| k.cut_short) { CUT_SHORT } else { "" }
         );
         let bracket = ball.ball_bound.zip(ball.ball_gap).map(|(bound, gap)| {
             let [bound, gap] = [lower_bound(bound), upper_bound(gap)];

@@ -97,6 +97,17 @@ pub enum ExternalError {
         /// Where they differ.
         difference: String,
     },
+    /// TetGen would work for minutes and fail.
+    #[error(
+        "the solid is too thin for tets of good shape: as a sheet of its volume and surface it is {thickness:.1e} thick, and they would be about \
+         {tets:.0e}; keep_boundary = true under [mesh] takes its triangles as they are, and flat tets, or thicken the solid"
+    )]
+    TooThin {
+        /// Twice the volume over the area of the surface.
+        thickness: f64,
+        /// How many tets of that size fill it.
+        tets: f64,
+    },
     /// It would not make the tets small enough.
     #[error(
         "{mesher} leaves a tet of volume {largest:e}, more than max_volume = {limit:e}; {}",
