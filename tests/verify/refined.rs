@@ -40,7 +40,11 @@ const TAMPERINGS_OF_REFINEMENT: &[Tampering] = &[
         |f| edit_cell(f, "flipped.csv", 0, 1, |_| "100000".into()),
         "row 0 of flipped.csv",
     ),
-    ("flips after more halvings than there are", |f| edit_cell(f, "flipped.csv", 0, 0, |_| "9999".into()), "flips"),
+    (
+        "flips after more halvings than there are",
+        |f| edit_cell(f, "flipped.csv", 0, 0, |_| "9999".into()),
+        "row 0 of flipped.csv",
+    ),
     ("the last flipped tet left out", |f| leave_out_the_last_row(f, "flipped.csv"), "flipped.csv"),
     ("the flips removed", |f| fs::remove_file(f.join("flipped.csv")).unwrap(), "flipped.csv is missing"),
     ("a round's flips", |f| edit_report(f, "/refined/rounds/0/flipped", |n| json!(n.as_u64().unwrap() + 1)), "flipped"),
