@@ -43,7 +43,7 @@ pub(crate) struct OptimizeArguments {
     /// Split no tet, even if all its vertices are fixed.
     #[arg(long)]
     keep_mesh: bool,
-    /// Refine the mesh inside where the largest K sits, in so many rounds at most.
+    /// Refine the mesh inside where the largest K sits: flip tets and halve edges there, in so many rounds at most.
     #[arg(long, value_name = "ROUNDS", conflicts_with_all = ["lock", "keep_mesh", "soft_max", "sliding", "config"])]
     refine: Option<usize>,
     /// Add at most so many tets by that, or "5 %" of those there are.

@@ -18,10 +18,11 @@ use crate::map::{AnalyticMap, Corners, RadialCoordinates, RayEnd, SphericalStart
 use crate::measure::{Measured, measure_onto_ball_until, measure_warped_onto_ball};
 use crate::mesh::io::{ReadError, SolidFile, read_solid, read_surface, shown_path};
 use crate::mesh::{
-    MeshChanges, Orientation, PolygonSoup, Subdivision, TetMesh, TetSoup, Unit, Vec3, VertexId, orientation,
+    ChangeError, MeshChanges, Orientation, PolygonSoup, Subdivision, TetMesh, TetSoup, Unit, Vec3, VertexId,
+    orientation,
 };
 use crate::refine::Middles;
-use crate::report::{MapFigures, RefinementFigures, Splits};
+use crate::report::{FLIPPED, HALVED, MapFigures, RefinementFigures, Splits};
 use crate::solid::{
     CentreError, ExternalSettings, KernelError, Refinement, ShellError, ShellSettings, StarCentre, Surface,
     best_radial_exponent, check_filled, external_mesh, flag_mesh, inscribed_stretch, radial_max_dilatation,
@@ -406,13 +407,19 @@ impl Start {
     /// The same on the mesh as refinement changed it, of the surface or inside alone.
     ///
     /// # Errors
-    /// What is no edge, or no tet that could be flipped, or a tet that rounding made flat.
+    /// The row of the results' table that names what is no edge, or no tet that could be flipped; or a tet that rounding made flat.
     pub fn changed(self, changes: &MeshChanges, of_surface: bool) -> Result<Self, String> {
         if changes.is_empty() {
             return Ok(self);
         }
         let mut subdivision = Subdivision::of(self.domain.mesh());
-        subdivision.change(changes)?;
+        subdivision.change(changes).map_err(|error| {
+            let (row, file, reason) = match error {
+                ChangeError::Halving(row, reason) => (row, HALVED, reason),
+                ChangeError::Flip(row, reason) => (row, FLIPPED, reason),
+            };
+            format!("row {row} of {file} (counted from 0): {reason}")
+        })?;
         let mesh = subdivision.mesh().map_err(|error| error.to_string())?;
         let domain = Domain::new(mesh).map_err(|error| error.to_string())?;
         let middles = Middles { of_surface, centre: self.centre.map(|centre| centre.position) };

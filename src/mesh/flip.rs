@@ -24,6 +24,16 @@ impl MeshChanges {
     }
 }
 
+/// Which of the changes of a mesh cannot be made.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum ChangeError {
+    /// The halving of this number, from 0, and why.
+    Halving(usize, String),
+    /// Of the tets that the flips replace and put there, one group of flips after the other, the old before the new: the number, from 0, of the
+    /// one to blame, or of the first of a group that is to blame as a whole, and why.
+    Flip(usize, String),
+}
+
 /// What some flips in a row come to: tets of a mesh, and the ones in their room. The others keep their order, and the new ones follow them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Flips {
@@ -40,16 +50,18 @@ impl Flips {
     /// positively oriented: how many tets a generic point of space lies in follows from the faces around it.
     ///
     /// # Errors
-    /// What is wrong: an old tet is not there, or the new ones have other outer faces.
-    pub fn make(&self, tets: &mut Vec<[VertexId; 4]>) -> Result<(), String> {
-        if let Some((id, _)) = self.old.iter().find(|(id, tet)| tets.get(id.index()) != Some(tet)) {
-            return Err(format!("tet {} is none of these vertices", id.0));
+    /// What is wrong, numbered within these flips: an old tet is not there, or the new ones have other outer faces.
+    pub fn make(&self, tets: &mut Vec<[VertexId; 4]>) -> Result<(), ChangeError> {
+        if let Some(row) = self.old.iter().position(|(id, tet)| tets.get(id.index()) != Some(tet)) {
+            return Err(ChangeError::Flip(row, format!("tet {} has other vertices", self.old[row].0.0)));
         }
-        if !self.old.is_sorted_by(|a, b| a.0 < b.0) {
-            return Err("the tets that are replaced are not in their order".into());
+        if let Some(row) = self.old.windows(2).position(|pair| pair[0].0 >= pair[1].0) {
+            return Err(ChangeError::Flip(row + 1, "the tets that are replaced are not in their order".into()));
         }
         if outer_faces(self.old.iter().map(|(_, tet)| tet)) != outer_faces(self.new.iter()) {
-            return Err("the new tets have other outer faces than those that they replace".into());
+            let all = self.old.len() + self.new.len();
+            let reason = format!("from there on {all} tets have other outer faces where they come than where they go");
+            return Err(ChangeError::Flip(0, reason));
         }
         let (mut index, mut gone) = (0, self.old.iter().map(|(id, _)| id.index()).peekable());
         tets.retain(|_| {
@@ -324,13 +336,21 @@ mod tests {
             flips.make(&mut mesh.tets().to_vec())
         };
         assert_eq!(made(&|_| {}), Ok(()));
-        assert!(made(&|flips| flips.old[1].0 = TetId(7)).unwrap_err().contains("tet 7"));
-        assert!(made(&|flips| flips.old.swap(0, 1)).unwrap_err().contains("order"));
-        assert!(made(&|flips| flips.new.truncate(1)).unwrap_err().contains("outer faces"));
-        assert!(made(&|flips| flips.old.truncate(1)).unwrap_err().contains("outer faces"));
-        assert!(made(&|flips| flips.new[0].swap(0, 1)).unwrap_err().contains("outer faces"));
-        let late = MeshChanges { halved: Vec::new(), flips: vec![Flips { after: 1, ..flips.clone() }] };
-        assert!(Subdivision::of(&mesh).change(&late).unwrap_err().contains("order"));
+        let is = |error: Result<(), ChangeError>, row: usize, text: &str| match error {
+            Err(ChangeError::Flip(at, reason)) => at == row && reason.contains(text),
+            _ => false,
+        };
+        assert!(is(made(&|flips| flips.old[1].0 = TetId(7)), 1, "tet 7"));
+        assert!(is(made(&|flips| flips.old.swap(0, 1)), 1, "order"));
+        assert!(is(made(&|flips| flips.new.truncate(1)), 0, "outer faces"));
+        assert!(is(made(&|flips| flips.old.truncate(1)), 0, "outer faces"));
+        assert!(is(made(&|flips| flips.new[0].swap(0, 1)), 0, "outer faces"));
+        let changed = |flips| Subdivision::of(&mesh).change(&MeshChanges { halved: Vec::new(), flips });
+        let late = Flips { after: 1, ..flips.clone() };
+        assert!(is(changed(vec![late]), 0, "halvings"));
+        // The second of two: after all rows of the first.
+        let again = flips.old.len() + flips.new.len();
+        assert!(is(changed(vec![flips.clone(), flips.clone()]), again, "tet 0"));
         assert_eq!(flips.undo(&mut mesh.tets().to_vec()), None);
     }
 }

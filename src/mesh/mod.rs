@@ -29,7 +29,7 @@ pub use cells::Cells;
 pub use collar::collar;
 pub use features::{Features, SHARP};
 pub(crate) use flip::Flipping;
-pub use flip::{Flips, MeshChanges};
+pub use flip::{ChangeError, Flips, MeshChanges};
 pub use full_boundary::full_boundary;
 pub use mirrors::Mirrors;
 pub use place::Place;

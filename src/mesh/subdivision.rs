@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::{MeshChanges, MeshError, TetMesh, Vec3, VertexId};
+use super::{ChangeError, MeshChanges, MeshError, TetMesh, Vec3, VertexId};
 
 /// A mesh under splits of edges and faces: old vertices keep their numbers, new ones follow, each the mean of a simplex that
 /// was split. Tets are replaced where they stood, and the rest of each appended, so that splits elsewhere leave them alone.
@@ -42,30 +42,41 @@ impl Subdivision {
     /// Changes the mesh as refinement did, each halving and flip that of the mesh as it is then.
     ///
     /// # Errors
-    /// The first that cannot be made, in words.
-    pub fn change(&mut self, changes: &MeshChanges) -> Result<(), String> {
-        let mut halved = 0;
+    /// The first that cannot be made.
+    pub fn change(&mut self, changes: &MeshChanges) -> Result<(), ChangeError> {
+        let (mut halved, mut flipped) = (0, 0);
+        let halve = |mesh: &mut Self, from: usize, to: usize| {
+            let made = mesh.halve(&changes.halved[from..to]);
+            made.map_err(|(index, reason)| ChangeError::Halving(from + index, reason))
+        };
         for flips in &changes.flips {
-            let edges = changes.halved.get(halved..flips.after);
-            self.halve(edges.ok_or("flips are not in their order, or come after more halvings than there are")?)?;
-            flips.make(&mut self.tets)?;
+            if flips.after < halved || flips.after > changes.halved.len() {
+                let reason = "it comes after fewer halvings than the one before, or after more than there are";
+                return Err(ChangeError::Flip(flipped, reason.into()));
+            }
+            halve(self, halved, flips.after)?;
+            flips.make(&mut self.tets).map_err(|error| match error {
+                ChangeError::Flip(row, reason) => ChangeError::Flip(flipped + row, reason),
+                other @ ChangeError::Halving(..) => other,
+            })?;
             halved = flips.after;
+            flipped += flips.old.len() + flips.new.len();
         }
-        self.halve(&changes.halved[halved..])
+        halve(self, halved, changes.halved.len())
     }
 
-    /// Halves edges in this order, each of the mesh as it is then.
-    fn halve(&mut self, edges: &[[VertexId; 2]]) -> Result<(), String> {
+    /// Halves edges in this order, each of the mesh as it is then; the number of the first that is none, and why.
+    fn halve(&mut self, edges: &[[VertexId; 2]]) -> Result<(), (usize, String)> {
         // The tets at each vertex, and some that were.
         let mut at: Vec<Vec<usize>> = vec![Vec::new(); self.points.len()];
         for (index, tet) in self.tets.iter().enumerate() {
             tet.iter().for_each(|v| at[v.index()].push(index));
         }
-        for edge in edges {
+        for (index, edge) in edges.iter().enumerate() {
             let around = at.get(edge[0].index()).into_iter().flatten().copied();
             let mut tets: Vec<usize> = around.filter(|&tet| edge.iter().all(|v| self.tets[tet].contains(v))).collect();
             if tets.is_empty() || edge[0] == edge[1] {
-                return Err(format!("there is no edge from vertex {} to {}", edge[0].0, edge[1].0));
+                return Err((index, format!("there is no edge from vertex {} to {}", edge[0].0, edge[1].0)));
             }
             tets.sort_unstable();
             let before = self.tets.len();
@@ -270,7 +281,11 @@ mod tests {
         halved.change(&changes).unwrap();
         assert_eq!(Subdivision::before(&halved.mesh().unwrap(), &changes), Some(mesh.clone()));
         for none in [[0, 4], [0, 99]] {
-            assert!(again.change(&halvings(&[none])).unwrap_err().contains("no edge from vertex 0"));
+            let error = again.clone().change(&halvings(&[[0, 3], none])).unwrap_err();
+            assert!(
+                matches!(&error, ChangeError::Halving(1, reason) if reason.contains("no edge from vertex 0")),
+                "{error:?}"
+            );
         }
         // A linear map of the old vertices is the same linear map of the new ones.
         let image = splits.extend(mesh.points().iter().map(|p| Vec3::new(p.x + p.y, 3.0 * p.y, p.z)).collect());

@@ -119,6 +119,54 @@ fn it_ends_where_it_is_told_to_and_the_same_on_any_number_of_threads() {
 }
 
 #[test]
+fn what_is_left_of_an_interrupted_refinement_has_a_row_of_the_trace() {
+    let (domain, start, outcome) = cube(2);
+    let refinement = RefineSettings { rounds: 3, tets: Budget::Share(0.6), until: 1e-3, surface: false };
+    // Ended in so many rows of the rounds; after 0 there is no round, and `None` ends nothing.
+    let ended = |after: Option<usize>| {
+        let settings = OptimizeSettings::default();
+        let (cancel, mut rows) = (settings.cancel.clone(), 0);
+        let map = unrefined(domain.clone(), start.clone(), outcome.clone(), None);
+        let mut told = Vec::new();
+        let mut count = |row: &TraceRow| {
+            told.push(row.clone());
+            rows += 1;
+            if after == Some(rows) {
+                cancel.raise();
+            }
+        };
+        let map = refine(map, &settings, &refinement, &mut count).unwrap();
+        assert_eq!(map.outcome.trace[map.outcome.trace.len() - told.len()..], told);
+        map
+    };
+    let rows = ended(None).outcome.trace.len() - outcome.trace.len();
+    let mut taken_over = 0;
+    for after in (1..rows).step_by(7) {
+        let map = ended(Some(after));
+        let found = measure(&map.domain, &map.outcome.positions).summary;
+        let same = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-12;
+        let is_of_it = |row: &TraceRow| same(row.max_k, found.max_k) && same(row.mean_k, found.mean_k);
+        assert!(map.outcome.trace.iter().any(is_of_it), "after {after} rows: {found:?}");
+        taken_over += usize::from(map.outcome.trace.last().is_some_and(|row| &*row.phase == "best"));
+    }
+    assert!(taken_over > 0);
+}
+
+#[test]
+fn a_map_onto_the_ball_that_cannot_be_lowered_from_ends_its_rounds_without_an_error() {
+    let (domain, _, outcome) = cube(1);
+    let mut turned = outcome.positions.clone();
+    let inside = (0..turned.len()).find(|v| !domain.boundary().vertex_mask()[*v]).unwrap();
+    // Its tets lie on all sides of it: with one beyond the sphere some are turned over. The image of the boundary is what it was.
+    turned[inside] = Vec3::new(0.0, 0.0, 1.5);
+    assert!(measure(&domain, &turned).summary.flipped > 0);
+    let warped = Warped { domain: &domain, corners: None, mirrors: None, onto_ball: true };
+    let settled = Outcome { positions: turned.clone(), stop: StopReason::Converged, ..outcome };
+    let ended = warped.settle_onto_ball(settled, 3, &OptimizeSettings::default(), &mut |_| {}).unwrap();
+    assert_eq!((ended.stop, ended.positions), (StopReason::NoProgress, turned));
+}
+
+#[test]
 fn a_start_that_could_not_be_untangled_is_left_as_it_is() {
     let (domain, start, _) = cube(2);
     let settings = OptimizeSettings::default();

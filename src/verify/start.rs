@@ -121,8 +121,7 @@ pub(super) fn again(files: &Files, findings: &mut Findings) -> Option<Again> {
     let start = match start.changed(&files.changes, refined.as_ref().is_some_and(|refined| refined.surface)) {
         Ok(start) => start,
         Err(error) => {
-            findings
-                .found(format!("{HALVED} halves or {FLIPPED} flips what the config's domain does not have: {error}"));
+            findings.found(format!("{HALVED} or {FLIPPED} changes what the config's domain does not have: {error}"));
             return Some(as_told(source));
         }
     };
@@ -178,15 +177,16 @@ fn rounds(files: &Files, findings: &mut Findings) {
             .expect(files.changes.is_empty(), || format!("{HALVED} is of a refinement that the report does not have"));
     };
     let edges: usize = refined.rounds.iter().map(|round| round.edges).sum();
+    let names = |count: usize| if count == 0 { "is missing or empty".into() } else { format!("names {count}") };
     findings.expect(edges == files.changes.halved.len(), || {
-        format!("the rounds have halved {edges} edges, but {HALVED} names {}", files.changes.halved.len())
+        format!("the rounds have halved {edges} edges, but {HALVED} {}", names(files.changes.halved.len()))
     });
     let [flipped, of_files]: [usize; 2] = [
         refined.rounds.iter().map(|round| round.flipped).sum(),
         files.changes.flips.iter().map(|flips| flips.old.len()).sum(),
     ];
     findings.expect(flipped == of_files, || {
-        format!("the rounds have flipped {flipped} tets, but {FLIPPED} names {of_files}")
+        format!("the rounds have flipped {flipped} tets, but {FLIPPED} {}", names(of_files))
     });
     let tets = refined.rounds.last().map_or(refined.tets_before, |round| round.tets);
     findings.expect(tets == files.cells.len(), || {
