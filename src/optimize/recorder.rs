@@ -183,6 +183,11 @@ impl<'a> Recorder<'a> {
         }
     }
 
+    /// The mean of K at the last iterate.
+    pub(super) fn mean(&self) -> f64 {
+        self.dilatations.iter().sum::<f64>() / self.dilatations.len() as f64
+    }
+
     /// Keeps a share of the limits for later; 0 gives it free again.
     pub(super) fn reserve(&mut self, share: f64) {
         self.reserved = share;
@@ -209,7 +214,7 @@ impl<'a> Recorder<'a> {
 
     pub(super) fn record(&mut self, phase: &str, objective: f64, step: f64, iterate: &Iterate) -> Progress {
         self.take(iterate);
-        let mean_k = self.dilatations.iter().sum::<f64>() / self.dilatations.len() as f64;
+        let mean_k = self.mean();
         let max_k = self.dilatations.iter().copied().fold(1.0, f64::max);
         if self.admits && max_k < self.best_k {
             self.best_k = max_k;
