@@ -1,12 +1,12 @@
-//! The splits that a mesh needs before it is mapped: edges between corners, locked tets, the collar.
+//! The splits that a mesh needs before it is mapped: edges between corners, locked tets, the collar; and what is told of those that cannot be.
 
 use super::corners::corner_vertices;
 use super::error::Fault;
 use crate::config::{MeshPlan, Plan};
 use crate::domain::Domain;
 use crate::map::CornerChoice;
-use crate::mesh::{Subdivision, collar, full_boundary};
-use crate::report::Splits;
+use crate::mesh::{ChangeError, Subdivision, collar, full_boundary};
+use crate::report::{FLIPPED, HALVED, Splits};
 
 /// The domain without edges between corners, with its boundary made a full subcomplex, unless the mesh is to be kept, and the collar
 /// that the plan asks for.
@@ -68,4 +68,13 @@ pub(super) fn halved_for_corners(splits: Splits, is_compared: bool) -> Option<St
 
 fn taken(domain: Domain, subdivision: &Subdivision) -> Result<Domain, Fault> {
     if subdivision.parents().is_empty() { Ok(domain) } else { Ok(Domain::new(subdivision.mesh()?)?) }
+}
+
+/// The row of the results' table that names what cannot be halved or flipped.
+pub(super) fn row_of_change(error: ChangeError) -> String {
+    let (row, file, reason) = match error {
+        ChangeError::Halving(row, reason) => (row, HALVED, reason),
+        ChangeError::Flip(row, reason) => (row, FLIPPED, reason),
+    };
+    format!("row {row} of {file} (counted from 0): {reason}")
 }

@@ -8,7 +8,7 @@ use std::path::Path;
 use super::corners::{Flags, corners};
 use super::error::{Fault, RunError};
 use super::mesher::{grazed, instead_of_shells, is_grazed, mesh_of_any_solid, more_cells};
-use super::splits::{between_corners, freed, halved_for_corners};
+use super::splits::{between_corners, freed, halved_for_corners, row_of_change};
 use super::warped::chamber;
 use crate::cancel::Cancel;
 use crate::config::{DomainSource, InitialMap, MeshPlan, Plan};
@@ -18,11 +18,10 @@ use crate::map::{AnalyticMap, Corners, RadialCoordinates, RayEnd, SphericalStart
 use crate::measure::{Measured, measure_onto_ball_until, measure_warped_onto_ball};
 use crate::mesh::io::{ReadError, SolidFile, read_solid, read_surface, shown_path};
 use crate::mesh::{
-    ChangeError, MeshChanges, Orientation, PolygonSoup, Subdivision, TetMesh, TetSoup, Unit, Vec3, VertexId,
-    orientation,
+    MeshChanges, Orientation, PolygonSoup, Subdivision, TetMesh, TetSoup, Unit, Vec3, VertexId, orientation,
 };
 use crate::refine::Middles;
-use crate::report::{FLIPPED, HALVED, MapFigures, RefinementFigures, Splits};
+use crate::report::{MapFigures, RefinementFigures, Splits};
 use crate::solid::{
     CentreError, ExternalSettings, KernelError, Refinement, ShellError, ShellSettings, StarCentre, Surface,
     best_radial_exponent, check_filled, external_mesh, flag_mesh, inscribed_stretch, radial_max_dilatation,
@@ -413,13 +412,7 @@ impl Start {
             return Ok(self);
         }
         let mut subdivision = Subdivision::of(self.domain.mesh());
-        subdivision.change(changes).map_err(|error| {
-            let (row, file, reason) = match error {
-                ChangeError::Halving(row, reason) => (row, HALVED, reason),
-                ChangeError::Flip(row, reason) => (row, FLIPPED, reason),
-            };
-            format!("row {row} of {file} (counted from 0): {reason}")
-        })?;
+        subdivision.change(changes).map_err(row_of_change)?;
         let mesh = subdivision.mesh().map_err(|error| error.to_string())?;
         let domain = Domain::new(mesh).map_err(|error| error.to_string())?;
         let middles = Middles { of_surface, centre: self.centre.map(|centre| centre.position) };
