@@ -29,7 +29,7 @@ use super::{
 };
 use crate::domain::{Afterwards, Domain};
 use crate::map::Corners;
-use crate::measure::{Factor, NotOntoBall, OntoBall, measure};
+use crate::measure::{Factor, NotOntoBall, OntoBall, measure, measure_warped_onto_ball};
 use crate::mesh::{Mat3, Mirrors, TetId, Vec3};
 
 /// Relative fall of K onto the ball below which there is no other round: the least that a problem with held factors promises.
@@ -335,6 +335,16 @@ impl Warped<'_> {
         };
         let largest: Vec<f64> = self.tets().into_par_iter().map(of_tet).collect();
         largest.into_iter().fold(1.0, f64::max)
+    }
+
+    /// The largest K onto the ball as it is proved, which no points miss; infinite where there is none or a signal ends the work before. For maps that
+    /// are powers at corners.
+    fn certified_onto_ball(&self, image: &[Vec3], settings: &OptimizeSettings) -> f64 {
+        let chamber = self.mirrors.map(|_| self.tets());
+        let measured = |corners| {
+            measure_warped_onto_ball(self.domain, corners, image, chamber.as_deref(), &settings.cancel).summary.ball_k
+        };
+        self.corners.and_then(measured).map_or(f64::INFINITY, |k| k.certified)
     }
 
     /// All factors of tets of large K onto the ball, and the worst of the others. An image with a flipped tet has infinite K, and so has one

@@ -92,15 +92,22 @@ impl Warped<'_> {
         let warped = Warped { corners: Some(&found.corners), ..*self };
         let mut outcome = warped.optimize(start, settings, observe)?;
         let (plain, _) = warped.elements();
-        let k = if self.onto_ball {
-            warped.k_onto_ball(&outcome.positions, &OptimizeSettings::default())
+        let mut k = if self.onto_ball {
+            warped.certified_onto_ball(&outcome.positions, settings)
         } else {
             measure(&plain, &self.restricted(&outcome.positions)).summary.max_k
         };
         let is_worse = found.max_k.is_some_and(|least| k.ln() > least.ln() + WORSE);
         if is_worse && self.onto_ball {
-            let from_search = Outcome { positions: found.image, ..outcome };
-            outcome = warped.settle_onto_ball(from_search, usize::MAX, settings, observe)?;
+            let of_search = Outcome { positions: found.image, ..outcome.clone() };
+            let settled = warped.settle_onto_ball(of_search.clone(), usize::MAX, settings, observe)?;
+            // Points of the tets are what it went by, and in wide ones K is larger between them.
+            for other in [settled, of_search] {
+                let k_of_other = warped.certified_onto_ball(&other.positions, settings);
+                if k_of_other < k {
+                    (outcome, k) = (other, k_of_other);
+                }
+            }
         } else if is_worse {
             let rows = outcome.trace.len();
             let seconds = outcome.trace.last().map_or(0.0, |row| row.seconds);
@@ -229,7 +236,7 @@ impl Warped<'_> {
         let (plain, owners) = warped.elements();
         let (outcome, k, first) = if self.onto_ball {
             let (outcome, first) = warped.lowered_onto_ball(&plain, (known, from), (ROUNDS, settings), &mut |_| {})?;
-            let k = warped.k_onto_ball(&outcome.positions, settings);
+            let k = warped.certified_onto_ball(&outcome.positions, settings);
             (outcome, k, first)
         } else {
             let outcome = self.solved(&plain, known, from, settings, &mut |_, _| {})?;
