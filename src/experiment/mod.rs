@@ -271,14 +271,19 @@ fn optimized(start: &mut Start, plan: &Plan, observe: &mut dyn FnMut(&TraceRow))
     let first = Plan { optimize: OptimizeSettings { polish, ..timed.clone() }, ..plan.clone() };
     let linear = without_powers(start, &first);
     let mut optimized = settled(start, &first, observe)?;
-    let k = |start: &Start, optimized: &Optimized| {
+    let measured = |start: &Start, optimized: &Optimized| {
         let summary = start.measure(&optimized.outcome.positions, &timed.cancel).summary;
-        if plan.onto_ball { summary.ball_k.map_or(f64::INFINITY, |k| k.certified) } else { summary.max_k }
+        (summary.max_k, summary.ball_k.filter(|_| plan.onto_ball).map(|k| k.certified))
     };
-    if let Some((other, of_other)) = linear
-        && k(&other, &of_other) < k(start, &optimized)
-    {
-        (*start, optimized) = (other, of_other);
+    if let Some((other, of_other)) = linear {
+        // After a signal K onto the ball is not known.
+        let is_better = match (measured(&other, &of_other), measured(start, &optimized)) {
+            ((_, Some(of_linear)), (_, Some(of_powers))) => of_linear < of_powers,
+            ((of_linear, _), (of_powers, _)) => of_linear < of_powers,
+        };
+        if is_better {
+            (*start, optimized) = (other, of_other);
+        }
     }
     refined(start, optimized, plan, &timed, observe)
 }

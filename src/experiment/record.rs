@@ -110,8 +110,13 @@ pub(crate) fn record(
     let bottleneck = bottleneck(domain, after).map(|found| Bottleneck { place: given_back(found.place), ..found });
     let bijectivity = bijectivity(domain, image);
     let ball = BallFigures::of(domain, image, &bounds, &after.summary);
-    let warnings = start.warnings.iter().cloned().chain(locked_warning(domain, &bounds));
-    let warnings = warnings.chain(sliver_warning(start, after)).collect();
+    // A start that was taken from files has them already.
+    let mut warnings = start.warnings.clone();
+    for warning in locked_warning(domain, &bounds).into_iter().chain(sliver_warning(start, after)) {
+        if !warnings.contains(&warning) {
+            warnings.push(warning);
+        }
+    }
     Report {
         name: heading.name.into(),
         version: Report::VERSION.into(),

@@ -12,7 +12,7 @@ use crate::bound::LowerBound;
 use crate::bound::certificate;
 use crate::cancel::Cancel;
 use crate::experiment::{Course, Heading, bounds, record};
-use crate::measure::{Measured, Summary, ball_dilatation, measure};
+use crate::measure::{Measured, ball_dilatation, measure};
 use crate::mesh::{TetId, Vec3};
 use crate::optimize::{OPTIMAL, StopReason, Untangled};
 use crate::report::{UntanglingFigures, trace_hash};
@@ -80,7 +80,7 @@ pub(super) fn check(files: &Files, findings: &mut Findings) {
     findings
         .expect(gap.is_none_or(|gap| gap >= 1.0), || format!("the gap is {gap:?}, but no map is below a proved bound"));
     figures(files, &again, (&before, &after), known, findings);
-    trace(files, &before, again.unrefined.as_ref(), findings);
+    trace(files, &again, &before, findings);
     findings.trust("version, revision, threads, times, those of the trace included, and memory");
 }
 
@@ -227,7 +227,7 @@ fn cells(files: &Files, measured: &Measured, findings: &mut Findings) -> f64 {
     upper
 }
 
-fn trace(files: &Files, before: &Measured, unrefined: Option<&Summary>, findings: &mut Findings) {
+fn trace(files: &Files, again: &Again, before: &Measured, findings: &mut Findings) {
     findings.begin("trace.csv, iterations, stop reason, KKT residual and the two maps agree with each other");
     findings.trust(
         "how the optimization went: trace.csv, the stop reason and the KKT residual, beyond that they agree with each other and \
@@ -246,7 +246,8 @@ fn trace(files: &Files, before: &Measured, unrefined: Option<&Summary>, findings
     });
     // Each row is of a map of this mesh, with these values at the boundary where they do not slide and refinement put no vertices.
     let boundary = files.domain.boundary().vertex_mask().iter().enumerate().filter(|(_, on)| **on);
-    let slid = { boundary }.any(|(vertex, _)| files.start[vertex] != files.image[vertex]);
+    // What slid may have come back, where the start is best for the objective.
+    let slid = again.slides || { boundary }.any(|(vertex, _)| files.start[vertex] != files.image[vertex]);
     let surface = report.achieved.refined.as_ref().is_some_and(|refined| refined.surface);
     let last_round = rows.last().map_or(0, |row| row.round);
     let mut seconds = 0.0;
@@ -264,7 +265,7 @@ fn trace(files: &Files, before: &Measured, unrefined: Option<&Summary>, findings
     }
     if let Some(row) = rows.first().filter(|_| first.flipped == 0) {
         // It is of the mesh before any edge was halved, whose tets the mean counts; halved ones have the K of theirs, up to rounding.
-        let same = match unrefined.or(Some(first).filter(|_| files.changes.is_empty())) {
+        let same = match again.unrefined.as_ref().or(Some(first).filter(|_| files.changes.is_empty())) {
             Some(first) => close(row.max_k, first.max_k, SAME_START) && close(row.mean_k, first.mean_k, SAME_START),
             None => close(row.max_k, first.max_k, SAME_ROW),
         };

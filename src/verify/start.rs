@@ -32,6 +32,8 @@ pub(super) struct Again {
     pub unrefined: Option<Summary>,
     /// Whether the start was made from the config, not taken from the files.
     pub made: bool,
+    /// Whether the config lets the boundary slide.
+    pub slides: bool,
 }
 
 /// Makes the domain and the start from the config and holds the files' against them; nothing if there is no config.
@@ -41,6 +43,7 @@ pub(super) fn again(files: &Files, findings: &mut Findings) -> Option<Again> {
     let source = ConfigSource::of_text(Path::new(&report.config), report.config_text.clone(), &report.overrides);
     let (source, config) = source.map_err(|error| findings.found(format!("config_text is no config: {error}"))).ok()?;
     findings.expect(report.config_hash == source.hash(), || "config_hash is not the hash of config_text".into());
+    let slides = config.boundary.values == BoundaryValues::Sliding;
     let as_told = |source| Again {
         name: report.name.clone(),
         seed: report.seed,
@@ -48,6 +51,7 @@ pub(super) fn again(files: &Files, findings: &mut Findings) -> Option<Again> {
         start: told(files),
         unrefined: None,
         made: false,
+        slides,
     };
     let plan = match Plan::of_source(&source, &config) {
         Ok(plan) => plan,
@@ -166,7 +170,7 @@ pub(super) fn again(files: &Files, findings: &mut Findings) -> Option<Again> {
     findings.expect(start.units == files.units, || "the meshes have not the size that the config's have".into());
     corners(&plan, files, start.corners.as_ref(), findings);
     let start = Start { domain: files.domain.clone(), units: files.units, corners: files.corners.clone(), ..start };
-    Some(Again { name: plan.name.clone(), seed: plan.seed, source, start, unrefined, made: true })
+    Some(Again { name: plan.name.clone(), seed: plan.seed, source, start, unrefined, made: true, slides })
 }
 
 /// Holds the rounds of refinement against the edges that were halved in them and the map that they led to.
