@@ -14,9 +14,9 @@ pub struct Cancel {
 }
 
 impl Cancel {
-    /// Raises the flag; tells whether it was up before.
-    pub fn raise(&self) -> bool {
-        self.raised.swap(true, Ordering::Relaxed)
+    /// Raises the flag.
+    pub fn raise(&self) {
+        self.raised.store(true, Ordering::Relaxed);
     }
 
     /// Whether the flag is up.

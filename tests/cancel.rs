@@ -120,7 +120,7 @@ fn shells_that_are_interrupted_are_no_map() {
         let plan = Plan::read(&config, &[mesh.into(), "mesh.layers=4".into()]).unwrap();
         let cancel = &plan.optimize.cancel;
         let interrupted = experiment::run_and_tell(&plan, &mut |event| match event {
-            Event::Stage(Stage::Starting) => _ = cancel.raise(),
+            Event::Stage(Stage::Starting) => cancel.raise(),
             other => panic!("{mesh}: {other:?}"),
         });
         assert!(matches!(interrupted, Err(RunError::Interrupted)), "{mesh}: {interrupted:?}");
