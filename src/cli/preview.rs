@@ -16,7 +16,7 @@ use crate::sweep::memory_of;
 pub(super) fn preview(plan: &Plan, folder: &Path) -> Result<String, Failure> {
     let (start, k, mirrors) = experiment::on_threads(plan.threads.unwrap_or(0), || -> Result<_, RunError> {
         let start = Start::of(plan)?;
-        let summary = start.measure(&start.image, &plan.optimize.measuring_now()).summary;
+        let summary = start.measure(&start.image, &experiment::measuring_from_now(&plan.optimize)).summary;
         let mirrors = start.symmetric.then(|| mirrors(&start)).transpose().map_err(RunError::at(&start.origin))?;
         Ok((start, summary, mirrors))
     })??;

@@ -10,7 +10,7 @@ mod splits;
 mod start;
 mod warped;
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use crate::bound::certificate::{self, Certificate};
 use crate::bound::confront;
@@ -200,6 +200,12 @@ pub fn on_threads<T: Send>(threads: usize, job: impl FnOnce() -> T + Send) -> Re
     Ok(pool.install(job))
 }
 
+/// What ends the measuring of one of the two maps of a run, from now on: either may take half the time limit again, or a second.
+pub(crate) fn measuring_from_now(settings: &OptimizeSettings) -> Cancel {
+    let limit = settings.time_limit.map(|limit| (limit / 2).max(Duration::from_secs(1)));
+    limit.map_or_else(|| settings.cancel.clone(), |limit| settings.cancel.within(limit))
+}
+
 fn stages(plan: &Plan, tell: &mut dyn FnMut(Event)) -> Result<Finished, RunError> {
     let clock = Instant::now();
     tell(Event::Stage(Stage::Starting));
@@ -211,8 +217,8 @@ fn stages(plan: &Plan, tell: &mut dyn FnMut(Event)) -> Result<Finished, RunError
     tell(Event::Stage(Stage::Measuring));
     let domain = &start.domain;
     // With the exponents arrived at, where corners have any.
-    let measured_initial = start.measure(&start.image, &plan.optimize.measuring_now());
-    let measured = start.measure(&outcome.positions, &plan.optimize.measuring_now());
+    let measured_initial = start.measure(&start.image, &measuring_from_now(&plan.optimize));
+    let measured = start.measure(&outcome.positions, &measuring_from_now(&plan.optimize));
     if plan.certify.is_some() {
         tell(Event::Stage(Stage::Certifying));
     }

@@ -4,8 +4,8 @@ use std::path::Path;
 use std::time::Instant;
 
 use super::error::{Fault, RunError};
-use super::interrupted;
 use super::record::Course;
+use super::{interrupted, measuring_from_now};
 use crate::bound::{self, confront};
 use crate::domain::Domain;
 use crate::measure::measure_onto_ball_until;
@@ -179,8 +179,8 @@ pub fn optimize_map(
         refined = Some(RefinedFigures { tets_before, surface, max_k_before, end, rounds });
     }
     let fixed = fixed.unwrap_or_else(|| domain.boundary().vertex_mask().to_vec());
-    let before = measure_onto_ball_until(&domain, &start, &settings.measuring_now());
-    let after = measure_onto_ball_until(&domain, &outcome.positions, &settings.measuring_now());
+    let before = measure_onto_ball_until(&domain, &start, &measuring_from_now(settings));
+    let after = measure_onto_ball_until(&domain, &outcome.positions, &measuring_from_now(settings));
     let boundary_is_fixed = domain.boundary().vertex_mask().iter().zip(&fixed).all(|(&on, &fixed)| fixed || !on);
     let mut bounds = if boundary_is_fixed {
         bound::all_until(&domain, &outcome.positions, None, false, &settings.cancel)

@@ -181,7 +181,7 @@ impl BlockCholesky {
         self.blocks.diagonal().map(|entry| self.values[entry]).fold(0.0, f64::max)
     }
 
-    /// Says the subspaces of [`BlockCholesky::in_subspaces`]: each is spanned by as many columns of its block's frame, which are
+    /// Says the subspaces of [`BlockCholesky::new`]: each is spanned by as many columns of its block's frame, which are
     /// orthonormal.
     pub fn set_frames(&mut self, frames: Vec<Mat3>) {
         if let Some(reduction) = &mut self.reduction {
@@ -214,44 +214,33 @@ impl BlockCholesky {
 
     /// Replaces the right-hand side by the solution with the last factorisation.
     pub fn solve(&mut self, right_hand_side: &mut [f64]) {
-        match &self.reduction {
-            None => self.solve_columns(right_hand_side, 1),
-            Some(reduction) => {
-                let mut reduced = reduction.restrict(right_hand_side);
-                self.solve_columns(&mut reduced, 1);
-                if let Some(reduction) = &self.reduction {
-                    reduction.extend(&reduced, right_hand_side);
-                }
-            }
-        }
+        self.solve_all([right_hand_side]);
     }
 
     /// The same for two right-hand sides at once: the time is that of reading the factor, which is read once.
     pub fn solve_pair(&mut self, pair: [&mut [f64]; 2]) {
+        self.solve_all(pair);
+    }
+
+    fn solve_all<const N: usize>(&mut self, right_hand_sides: [&mut [f64]; N]) {
         let restrict = |whole: &[f64]| match &self.reduction {
             None => whole.to_vec(),
             Some(reduction) => reduction.restrict(whole),
         };
-        let mut columns: Vec<f64> = pair.iter().flat_map(|whole| restrict(whole)).collect();
-        self.solve_columns(&mut columns, 2);
-        let count = columns.len() / 2;
-        for (whole, column) in pair.into_iter().zip(columns.chunks_exact(count.max(1))) {
+        let mut columns: Vec<f64> = right_hand_sides.iter().flat_map(|whole| restrict(whole)).collect();
+        let rows = columns.len() / N;
+        LltRef::<usize, f64>::new(&self.symbolic, &self.factor).solve_in_place_with_conj(
+            Conj::No,
+            MatMut::from_column_major_slice_mut(&mut columns, rows, N),
+            Par::Seq,
+            MemStack::new(&mut self.solve_memory),
+        );
+        for (whole, column) in right_hand_sides.into_iter().zip(columns.chunks_exact(rows.max(1))) {
             match &self.reduction {
                 None => whole.copy_from_slice(column),
                 Some(reduction) => reduction.extend(column, whole),
             }
         }
-    }
-
-    /// Replaces one or two columns of what is factorised.
-    fn solve_columns(&mut self, columns: &mut [f64], count: usize) {
-        let rows = columns.len() / count;
-        LltRef::<usize, f64>::new(&self.symbolic, &self.factor).solve_in_place_with_conj(
-            Conj::No,
-            MatMut::from_column_major_slice_mut(columns, rows, count),
-            Par::Seq,
-            MemStack::new(&mut self.solve_memory),
-        );
     }
 }
 

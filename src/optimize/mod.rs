@@ -108,12 +108,6 @@ impl OptimizeSettings {
         let cancel = self.time_limit.map_or_else(|| self.cancel.clone(), |limit| self.cancel.within(limit));
         Self { cancel, ..self.clone() }
     }
-
-    /// What ends the measuring of one of the two maps of a run, from now on: either may take half the time limit again, or a second.
-    pub(crate) fn measuring_now(&self) -> Cancel {
-        let limit = self.time_limit.map(|limit| (limit / 2).max(Duration::from_secs(1)));
-        limit.map_or_else(|| self.cancel.clone(), |limit| self.cancel.within(limit))
-    }
 }
 
 impl Default for OptimizeSettings {
