@@ -216,6 +216,7 @@ pub fn call(program: &Path, arguments: &[OsString]) -> u8 {
             return u8::try_from(error.exit_code()).unwrap_or(2);
         }
     };
+    interrupt::heed_signals();
     let ending = match cli.command {
         Command::Run(arguments) => run(&arguments),
         Command::Measure(arguments) => measure::measure_map(&arguments),

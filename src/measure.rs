@@ -7,7 +7,7 @@ pub use ball::{
     BallDilatation, NotOntoBall, ball_dilatation, ball_fraction, measure_onto_ball, measure_onto_ball_until,
     measure_warped_onto_ball, warped_ball_dilatation,
 };
-pub(crate) use ball::{Factor, OntoBall};
+pub(crate) use ball::{Factor, OntoBall, ball_dilatation_until};
 pub use bottleneck::{Bottleneck, bottleneck, bottleneck_places};
 
 use rayon::prelude::*;

@@ -9,7 +9,7 @@ mkdir -p "$2" && runs=$(cd "$2" && pwd)
 cd "$(dirname "$0")/.."
 qcball=$(realpath "${3:-target/release/qcball}") iterations=${4:-1000}
 # With some rise: where the boundary slides, all tets come to share the largest K, and the mean pays for it.
-declare -A slide=([fixed]='' [sliding]='[boundary]\nvalues = "sliding"\n') rise=([fixed]='' [sliding]='rise = 0.15\n')
+declare -A slide=([fixed]='' [sliding]='[boundary]\nvalues = "sliding"\n') rise=([fixed]='' [sliding]='rise = 0.25\n')
 for values in fixed sliding; do
     for mesh in "$models"/*.mesh; do
         name=$(basename "$mesh" .mesh)
@@ -41,7 +41,7 @@ spherical start, at most $iterations iterations, one thread. *Tets* as they came
 resisting ones. The boundary is mapped by progressive embedding, no triangle flipped and the sphere covered once by exact predicate;
 *s1/s2* is its largest stretch there. *Start*: flipped tets of the harmonic start inside; *steps* and *splits*: sweeps until none was, and
 edges halved for it. *CPU*: all of a run, bounds and files as well. *Sliding*: the boundary's vertices move too, and the largest K
-may rise by 15 % for the mean's sake.
+may rise by 25 % for the mean's sake.
 
 | model | boundary | tets | after splits | s1/s2 | start | steps | splits | CPU, s | trace bound | best bound | max K | mean K | 99 % K | K onto the ball | bijective | stop |
 |---|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|---|---|

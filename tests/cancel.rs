@@ -251,3 +251,40 @@ fn a_signal_ends_a_run_or_a_sweep_that_has_no_map_yet_whatever_it_does() {
         assert!(!at("results/a/report.json").exists());
     }
 }
+
+/// A file that never comes to its end: nothing is there to be kept yet, and the exit code is that of any signal.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_signal_ends_commands_that_are_still_reading_with_its_exit_code() {
+    use std::os::unix::fs::OpenOptionsExt;
+    use std::process::{Command, Stdio};
+    const NONBLOCK: i32 = 0o4000;
+    let folder = tempfile::tempdir().unwrap();
+    let pipe = folder.path().join("a.mesh");
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    for (command, signal) in [
+        (&["measure", "a.mesh", "b.mesh"][..], "-TERM"),
+        (&["bounds", "a.mesh", "b.mesh"], "-HUP"),
+        (&["optimize", "a.mesh", "b.mesh", "c.mesh"], "-INT"),
+    ] {
+        let mut run = Command::new(assert_cmd::cargo::cargo_bin!("qcball"))
+            .current_dir(folder.path())
+            .args(command)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        // It can be opened for writing once it is for reading.
+        let writer = loop {
+            match std::fs::OpenOptions::new().write(true).custom_flags(NONBLOCK).open(&pipe) {
+                Ok(writer) => break writer,
+                Err(_) => assert!(run.try_wait().unwrap().is_none(), "{command:?} ended before it read"),
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        };
+        assert!(Command::new("kill").args([signal, &run.id().to_string()]).status().unwrap().success());
+        let output = run.wait_with_output().unwrap();
+        drop(writer);
+        assert_eq!(output.status.code(), Some(130), "{command:?}: {output:?}");
+    }
+}

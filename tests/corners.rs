@@ -315,12 +315,11 @@ fn where_halved_edges_cost_more_than_powers_gain_the_map_is_linear() {
         // The same map to the bit, and not that on the halved mesh.
         assert!(k(&power) == k(&linear) && k(&linear) < k(&one), "{} {} {}", k(&power), k(&linear), k(&one));
         assert!(power["corners"].is_null() && power["splits"].is_null());
-        let warned = |run: &Value| {
-            run["warnings"].to_string().contains("the map without powers has the smaller K and was taken")
-        };
+        let warned =
+            |run: &Value| run["warnings"].to_string().contains("the map without powers came out better and was taken");
         assert!(warned(&power) && !warned(&linear));
         let (code, said, _) = qcball(folder.path(), &["verify", &format!("{objective}-power")]);
-        assert!(code == 0 && said.contains("that powers at the corners give no smaller K"), "{said}");
+        assert!(code == 0 && said.contains("that powers at the corners give nothing better"), "{said}");
     }
 }
 
@@ -394,38 +393,6 @@ fn a_symmetric_map_onto_the_ball_is_found_on_one_flag() {
         let (code, _, err) = qcball(folder.path(), &["run", "a.toml", "--out", "run"]);
         assert!(code == 2 && err.contains(part), "{config}: {err}");
     }
-}
-
-#[test]
-fn slivers_by_rounding_do_not_raise_the_certified_k_of_a_symmetric_linear_map() {
-    let folder = tempfile::tempdir().unwrap();
-    let config = "[domain]\nsolid = \"box\"\nsize = [1, 1, 3]\n[mesh]\nkind = \"flag\"\nrings = 3\nlayers = 3\ngrading = 1\nlayer_grading = 1\n\
-                  [boundary]\nvalues = \"sliding\"\n[optimize]\nobjective = \"ball\"\nsymmetric = true\n";
-    for sectors in [1, 2] {
-        let symmetric =
-            report(folder.path(), &sectors.to_string(), config, &["--set", &format!("mesh.sectors={sectors}")]);
-        let [certified, sampled] =
-            ["certified", "sampled"].map(|end| symmetric["final"]["ball_k"][end].as_f64().unwrap());
-        // 22.0 and 11.1 with two sectors: tets touch cones beside theirs in vertices, in exact positions. Now as near as bounds of many tets are brought,
-        // with what is allowed for the points that are sampled.
-        assert!(sampled <= certified && certified <= sampled * 1.01, "{sectors}: {certified} {sampled}");
-        let (code, said, _) = qcball(folder.path(), &["verify", &sectors.to_string()]);
-        assert!(code == 0 && said.ends_with("\nverified\n"), "{said}");
-    }
-}
-
-#[test]
-fn more_iterations_never_end_with_a_larger_k_onto_the_ball() {
-    let folder = tempfile::tempdir().unwrap();
-    let config = "[domain]\nsolid = \"box\"\nsize = [1, 1, 2]\n[mesh]\nkind = \"flag\"\nsectors = 3\nrings = 2\nlayers = 3\n\
-                  [boundary]\nvalues = \"sliding\"\ncorners = 1.5\n[optimize]\nobjective = \"ball\"\nsymmetric = true\n";
-    let of = |most: &str| {
-        let run = report(folder.path(), most, config, &["--set", &format!("optimize.max_iterations={most}")]);
-        run["final"]["ball_k"]["sampled"].as_f64().unwrap()
-    };
-    // On the way to the least K onto the polyhedron K onto the ball is 7.8 after 8 steps, 8.0 after 12 and 7.2 after 24.
-    let found = ["0", "8", "12", "24", "1000"].map(of);
-    assert!(found.is_sorted_by(|a, b| b <= a) && found[4] < 0.9 * found[3], "{found:?}");
 }
 
 #[test]

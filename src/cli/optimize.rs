@@ -43,7 +43,7 @@ pub(crate) struct OptimizeArguments {
     /// Split no tet, even if all its vertices are fixed.
     #[arg(long)]
     keep_mesh: bool,
-    /// Refine the mesh inside where the largest K sits: flip tets and halve edges there, in so many rounds at most.
+    /// Refine the mesh inside where the largest K sits: flip tets and halve edges there, in so many rounds at most; with 0, not at all.
     #[arg(long, value_name = "ROUNDS", conflicts_with_all = ["lock", "keep_mesh", "soft_max", "sliding", "config"])]
     refine: Option<usize>,
     /// Add at most so many tets by that, or "5 %" of those there are.
@@ -125,7 +125,7 @@ pub(super) fn optimize(arguments: &OptimizeArguments) -> Result<Ending, Failure>
         cancel: Cancel::default(),
     };
     let settings = OptimizeSettings { cancel: cancel_on_signal(), ..from_config.unwrap_or(settings) };
-    let refinement = arguments.refine.map(|rounds| RefineSettings {
+    let refinement = arguments.refine.filter(|rounds| *rounds > 0).map(|rounds| RefineSettings {
         rounds,
         tets: arguments.refine_tets,
         ..RefineSettings::default()

@@ -22,10 +22,10 @@ pub(crate) struct SphereArguments {
     /// The file for its image: the same triangles, every vertex on the unit sphere. The ending tells the format, .off or .obj.
     out: PathBuf,
     /// How much areas count beside angles, at least 0.
-    #[arg(long, value_name = "WEIGHT", default_value_t = SphereSettings::default().area_weight)]
+    #[arg(long, value_name = "WEIGHT", allow_negative_numbers = true, default_value_t = SphereSettings::default().area_weight)]
     area_weight: f64,
     /// How much it counts that parts shrink to nothing, at least 0.
-    #[arg(long, value_name = "WEIGHT", default_value_t = SphereSettings::default().shrinkage_weight)]
+    #[arg(long, value_name = "WEIGHT", allow_negative_numbers = true, default_value_t = SphereSettings::default().shrinkage_weight)]
     shrinkage_weight: f64,
     /// Print the figures as JSON.
     #[arg(long)]

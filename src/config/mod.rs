@@ -383,7 +383,8 @@ pub struct OptimizeTable {
     /// Most iterations over all phases, untangling not counted; 0 measures the start only. Default: 1000.
     #[schemars(range(min = 0))]
     pub max_iterations: Option<i64>,
-    /// Most seconds of untangling and optimizing, > 0, and of a mesher that no key asks for. Default: no limit. A run that ends by it need not be repeatable.
+    /// Most seconds of untangling and optimizing, > 0, and of a mesher that is tried where shells would do; one that there is no mesh without has
+    /// mesh.program_time_limit. Default: no limit. A run that ends by it need not be repeatable.
     #[schemars(extend("exclusiveMinimum" = 0))]
     pub time_limit: Option<f64>,
 }

@@ -96,7 +96,7 @@ pub(super) fn plan(
         (
             config.optimize.objective != ObjectiveName::Max || config.optimize.engine.solves_epigraph(),
             "refinement lowers the largest K by the interior-point method, which this [optimize] does not come to",
-            "objective = \"max\" and engine = \"newton\"",
+            "objective = \"max\" and an engine other than \"mma\", \"ccsaq\" and \"slsqp\"",
         ),
         (config.domain.keep_mesh, "a mesh that is kept as it is cannot be refined", "no domain.keep_mesh"),
         (

@@ -161,12 +161,14 @@ fn sliver_warning(start: &Start, after: &Measured) -> Option<String> {
     let others =
         if slivers.len() == mesh.tets().len() { String::new() } else { format!(", of the others {others:.4}") };
     Some(format!(
-        "{} of {} tets ({:.2} %) are slivers, of a volume below {THIN:e} of the cube of their longest edge, and the largest K is one's: \
+        "{} of {} tets ({:.2} %) {}, of a volume below {THIN:e} of the cube of the longest edge, and the largest K is {}: \
          {thin:.4}{others}. The thinnest, {:.1e}, is tet {} at ({x:.6}, {y:.6}, {z:.6}); remesh the solid \
          without them",
         slivers.len(),
         mesh.tets().len(),
         100.0 * slivers.len() as f64 / mesh.tets().len() as f64,
+        if slivers.len() == 1 { "is a sliver" } else { "are slivers" },
+        if slivers.len() == 1 { "its" } else { "one's" },
         thinnest.thickness,
         thinnest.tet.0,
     ))
@@ -180,8 +182,11 @@ fn locked_warning(domain: &Domain, bounds: &[LowerBound]) -> Option<String> {
     let forced = bounds.iter().find(|bound| bound.name == BoundName::Locked)?;
     let named: Vec<String> = locked.iter().take(NAMED).map(u32::to_string).collect();
     Some(format!(
-        "{} tets are locked, all their vertices being on the boundary: {}{}; whatever the inside does, they force K >= {}",
-        locked.len(),
+        "{}: {}{}; whatever the inside does, this forces K >= {}",
+        match locked.len() {
+            1 => "1 tet is locked, all its vertices being on the boundary".into(),
+            count => format!("{count} tets are locked, all their vertices being on the boundary"),
+        },
         named.join(", "),
         if locked.len() > NAMED { ", ..." } else { "" },
         lower_bound(forced.value)

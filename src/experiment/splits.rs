@@ -53,16 +53,20 @@ pub(super) fn between_corners(domain: Domain, plan: &Plan) -> Result<(Domain, Op
 pub(super) fn halved_for_corners(splits: Splits, is_compared: bool) -> Option<String> {
     let edges = splits.corners;
     let advice = match is_compared {
-        true => "the map without powers, on the mesh as it is, was made as well and is no better; more tets may gain",
+        true => {
+            "can raise K; the map without powers, on the mesh as it is, was made as well and is no better, but more tets may gain"
+        }
         false => {
-            "that may cost more than the powers gain: compare with boundary.corners = \"linear\", which leaves the mesh as it is, or ask for more tets"
+            "raises K, which may be more than the powers gain: compare with boundary.corners = \"linear\", which leaves the mesh as it is, or ask for more tets"
         }
     };
+    let halved = if edges == 1 {
+        "1 edge from corner to corner was".into()
+    } else {
+        format!("{edges} edges from corner to corner were")
+    };
     (edges > 0).then(|| {
-        format!(
-            "{edges} edges from corner to corner were halved, since the map can be like a power at one corner of a tet only; on a mesh so coarse \
-             that raises K, and {advice}"
-        )
+        format!("{halved} halved, since the map can be like a power at one corner of a tet only; on a mesh so coarse that {advice}")
     })
 }
 

@@ -283,6 +283,17 @@ fn enclosed_by(
     }))
 }
 
+/// The same where there is one and it is not cancelled from outside before; of a part, and by a deadline, as in [`measure_warped_onto_ball`].
+pub(crate) fn ball_dilatation_until(
+    domain: &Domain,
+    corners: Option<&Corners>,
+    image: &[Vec3],
+    chamber: Option<&[TetId]>,
+    cancel: &Cancel,
+) -> Option<BallDilatation> {
+    enclosed(domain, corners, image, chamber, cancel).ok().flatten()
+}
+
 /// Measures a map, K onto the ball included where there is one.
 ///
 /// # Panics
@@ -297,7 +308,7 @@ pub fn measure_onto_ball(domain: &Domain, image: &[Vec3]) -> Measured {
 /// If `image` has fewer positions than the domain has vertices.
 pub fn measure_onto_ball_until(domain: &Domain, image: &[Vec3], cancel: &Cancel) -> Measured {
     let mut measured = measure(domain, image);
-    measured.summary.ball_k = enclosed(domain, None, image, None, cancel).ok().flatten();
+    measured.summary.ball_k = ball_dilatation_until(domain, None, image, None, cancel);
     measured
 }
 
@@ -315,7 +326,7 @@ pub fn measure_warped_onto_ball(
     cancel: &Cancel,
 ) -> Measured {
     let mut measured = measure_elements(domain, &corners.elements(domain), image);
-    measured.summary.ball_k = enclosed(domain, Some(corners), image, chamber, cancel).ok().flatten();
+    measured.summary.ball_k = ball_dilatation_until(domain, Some(corners), image, chamber, cancel);
     measured
 }
 

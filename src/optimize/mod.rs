@@ -141,7 +141,7 @@ pub enum StopReason {
     TimeLimit,
     /// It was cancelled from outside.
     Cancelled,
-    /// No step along the search direction lowered the objective in the last phase.
+    /// No step along the search direction lowered the objective in the last phase; of K onto the ball, that of the start is the least found.
     NoProgress,
     /// There is no free vertex.
     NothingFree,

@@ -27,9 +27,10 @@ use super::{
     Objective, OptimizeError, OptimizeSettings, Outcome, Polish, Start, StopReason, TraceRow, optimize_unknowns,
     unknowns,
 };
+use crate::dilatation::Dilatation;
 use crate::domain::{Afterwards, Domain};
 use crate::map::Corners;
-use crate::measure::{Factor, NotOntoBall, OntoBall, measure, measure_warped_onto_ball};
+use crate::measure::{Factor, NotOntoBall, OntoBall, Summary, ball_dilatation_until, measure};
 use crate::mesh::{Mat3, Mirrors, TetId, Vec3};
 
 /// Relative fall of K onto the ball below which there is no other round: the least that a problem with held factors promises.
@@ -64,7 +65,9 @@ pub struct Warped<'d> {
 
 impl Warped<'_> {
     /// Moves the vertices so that the objective falls. For K onto the ball the start, inscribed in a sphere about 0 and star-shaped
-    /// about 0, is first improved as without it, unless K onto the ball rises by that; from there on it only falls.
+    /// about 0, is first improved as without it, unless K onto the ball rises by that; from there on it only falls. The certified K onto the ball ends
+    /// no higher than that of the start and of the improved map, unless a limit or a signal ends the work; where the start is best,
+    /// [`StopReason::NoProgress`] says so.
     /// The outcome then has no KKT residual, and its trace has a row a round after those of the first map, whose objective is the logarithm of K
     /// onto the ball, as far as points of the tets tell. A round is one iteration.
     ///
@@ -80,8 +83,35 @@ impl Warped<'_> {
         if !self.onto_ball {
             return self.solved(&plain, Start::Anywhere, start, settings, &mut |row, _| observe(row));
         }
-        self.lowered_onto_ball(&plain, (Start::Anywhere, start), (usize::MAX, settings), observe)
-            .map(|(outcome, _)| outcome)
+        self.optimize_onto_ball(&plain, start, settings, observe).map(|(outcome, _)| outcome)
+    }
+
+    /// The same for K onto the ball, with its certified value.
+    fn optimize_onto_ball(
+        &self,
+        plain: &Domain,
+        start: &[Vec3],
+        settings: &OptimizeSettings,
+        observe: &mut dyn FnMut(&TraceRow),
+    ) -> Result<(Outcome, f64), OptimizeError> {
+        let settings = &settings.starting_now();
+        let (mut outcome, first) =
+            self.lowered_onto_ball(plain, (Start::Anywhere, start), (usize::MAX, settings), observe)?;
+        let mut k = self.certified_onto_ball(&outcome.positions, settings);
+        // Points of the tets are what the rounds went by, and in wide ones K is larger between them.
+        for other in [start, &first.positions] {
+            if other == outcome.positions || self.k_below(other, k, settings).is_none() {
+                continue;
+            }
+            let k_of_other = self.certified_onto_ball(other, settings);
+            if k_of_other < k {
+                (k, outcome.positions) = (k_of_other, other.to_vec());
+            }
+        }
+        if outcome.stop == StopReason::Converged && outcome.positions == start {
+            outcome.stop = StopReason::NoProgress;
+        }
+        Ok((outcome, k))
     }
 
     /// Lowers K onto the ball from a start in so many rounds at most; the first map is told too, as it came from the problem onto the polyhedron.
@@ -180,21 +210,8 @@ impl Warped<'_> {
                     fruitless = if trial.k < held.k * (1.0 - GAIN) { 0 } else { fruitless + 1 };
                     held = trial;
                     now.positions = image;
-                    let summary = measure(plain, &self.restricted(&now.positions)).summary;
-                    if let Some(last) = now.trace.last().cloned() {
-                        let row = TraceRow {
-                            phase: "onto the ball".into(),
-                            iteration: now.trace.len(),
-                            objective: held.k.ln(),
-                            max_k: summary.max_k,
-                            mean_k: summary.mean_k,
-                            step: share,
-                            seconds: before + clock.elapsed().as_secs_f64(),
-                            ..last
-                        };
-                        observe(&row);
-                        now.trace.push(row);
-                    }
+                    let seconds = before + clock.elapsed().as_secs_f64();
+                    self.tell(&mut now, plain, ("onto the ball", held.k.ln(), share, seconds), observe);
                     if share < 1.0 {
                         held.watch(farthest);
                     }
@@ -215,6 +232,22 @@ impl Warped<'_> {
         Ok(now)
     }
 
+    /// Adds a row of the map as it is, if there are others: its phase, objective, step and time.
+    fn tell(
+        &self,
+        map: &mut Outcome,
+        plain: &Domain,
+        (phase, objective, step, seconds): (&str, f64, f64, f64),
+        observe: &mut dyn FnMut(&TraceRow),
+    ) {
+        let Some(last) = map.trace.last().cloned() else { return };
+        let Summary { max_k, mean_k, .. } = measure(plain, &self.restricted(&map.positions)).summary;
+        let iteration = map.trace.len();
+        let row = TraceRow { phase: phase.into(), iteration, objective, max_k, mean_k, step, seconds, ..last };
+        observe(&row);
+        map.trace.push(row);
+    }
+
     /// The improvement of the start as without the ball, and its iterate of least K onto the ball, the start included. A small K onto the
     /// polyhedron may have a large one onto the ball, on coarse meshes and where triangles open far, by which K falls most of all in the middle
     /// of long faces: a gem's was 8.7 on the way and 13 at the end.
@@ -229,8 +262,7 @@ impl Warped<'_> {
         let last = self.solved(plain, known, start, settings, &mut |row, image| {
             observe(row);
             let image = self.whole(image);
-            let k = self.k_onto_ball(&image, settings);
-            if k < least.k {
+            if let Some(k) = self.k_below(&image, least.k, settings) {
                 least = Least { k, image };
             }
         })?;
@@ -326,25 +358,28 @@ impl Warped<'_> {
         self.mirrors.map_or(image.clone(), |mirrors| mirrors.unfolded(&mirrors.folded(&image)))
     }
 
-    /// The largest K onto the ball, infinite where there is none or the work is to end before it is known.
-    fn k_onto_ball(&self, image: &[Vec3], settings: &OptimizeSettings) -> f64 {
-        let Ok(onto) = OntoBall::new(self.domain, self.corners, image) else { return f64::INFINITY };
-        let of_tet = |tet| match settings.cancel.is_due() {
-            true => f64::INFINITY,
-            false => onto.factors(tet, 0.0).iter().map(|factor| factor.k).fold(1.0, f64::max),
+    /// The largest K onto the ball, as far as points of the tets tell, if it is below `k` and known before the work is to end.
+    fn k_below(&self, image: &[Vec3], k: f64, settings: &OptimizeSettings) -> Option<f64> {
+        let onto = OntoBall::new(self.domain, self.corners, image).ok()?;
+        let mut tets = self.tets();
+        // One that is not below ends the search, and those of large K onto the polyhedron are likely to be.
+        tets.sort_by_cached_key(|tet| {
+            let k = Dilatation::of(&self.domain.jacobian(*tet, image)).k();
+            std::cmp::Reverse(k.to_bits())
+        });
+        let of_tet = |tet: TetId| {
+            let is_known = !settings.cancel.is_due();
+            let largest = || onto.factors(tet, 0.0).iter().map(|factor| factor.k).fold(1.0, f64::max);
+            Some(if is_known { largest() } else { f64::INFINITY }).filter(|of_tet| *of_tet < k)
         };
-        let largest: Vec<f64> = self.tets().into_par_iter().map(of_tet).collect();
-        largest.into_iter().fold(1.0, f64::max)
+        tets.into_par_iter().map(of_tet).try_reduce(|| 1.0, |a, b| Some(a.max(b)))
     }
 
-    /// The largest K onto the ball as it is proved, which no points miss; infinite where there is none or a signal ends the work before. For maps that
-    /// are powers at corners.
+    /// The largest K onto the ball as it is proved, which no points miss; infinite where there is none or a signal ends the work before.
     fn certified_onto_ball(&self, image: &[Vec3], settings: &OptimizeSettings) -> f64 {
-        let chamber = self.mirrors.map(|_| self.tets());
-        let measured = |corners| {
-            measure_warped_onto_ball(self.domain, corners, image, chamber.as_deref(), &settings.cancel).summary.ball_k
-        };
-        self.corners.and_then(measured).map_or(f64::INFINITY, |k| k.certified)
+        let chamber = self.corners.and(self.mirrors).map(|_| self.tets());
+        let k = ball_dilatation_until(self.domain, self.corners, image, chamber.as_deref(), &settings.cancel);
+        k.map_or(f64::INFINITY, |k| k.certified)
     }
 
     /// All factors of tets of large K onto the ball, and the worst of the others. An image with a flipped tet has infinite K, and so has one

@@ -245,9 +245,7 @@ pub fn refine(
         }
     } else {
         refined.outcome.positions = best;
-        if round > 0 {
-            refined.tell_of_best(observe);
-        }
+        refined.leave(settings, observe);
     }
     Ok(refined)
 }
@@ -275,6 +273,14 @@ impl RefinedMap {
         } else {
             measure(&self.domain, positions).summary.max_k
         }
+    }
+
+    /// What is told where the map that is kept is not settled any more: its row, and what is due.
+    fn leave(&mut self, settings: &OptimizeSettings, observe: &mut dyn FnMut(&TraceRow)) {
+        if !self.rounds.is_empty() {
+            self.tell_of_best(observe);
+        }
+        self.outcome.stop = StopReason::of(&settings.cancel).unwrap_or(self.outcome.stop);
     }
 
     /// A row of the map that is returned, where it was taken over from a coarser mesh as it was: there are more tets to its mean now.
@@ -316,6 +322,8 @@ impl RefinedMap {
     ) -> Result<Self, OptimizeError> {
         (kept.end, kept.max_k_before) = (self.end, self.max_k_before);
         if settings.cancel.is_due() {
+            // A round that lowered K by halving alone, or by the last bits, has no row of its own.
+            kept.leave(settings, observe);
             return Ok(kept);
         }
         let mut settle = |map: &mut Self| {

@@ -176,6 +176,25 @@ fn a_start_that_could_not_be_untangled_is_left_as_it_is() {
 }
 
 #[test]
+fn a_surface_whose_last_settling_is_cut_short_has_a_row_and_tells_what_ended_it() {
+    let (domain, start, outcome) = cube(1);
+    let settings = OptimizeSettings::default();
+    let refinement = RefineSettings { rounds: 5, ..RefineSettings::of_surface() };
+    let map = unrefined(domain, start, outcome, Some(Vec3::new(0.2, 0.1, -0.15)));
+    let map = refine(map, &settings, &refinement, &mut |_| {}).unwrap();
+    assert!(!map.rounds.is_empty());
+    // As a round leaves it that lowered K by halving alone: all rows are of the mesh before.
+    let mut kept = map.clone();
+    kept.outcome.trace.retain(|row| row.round == 0);
+    settings.cancel.raise();
+    let left = map.settled_onto_ball(kept, f64::INFINITY, &settings, &mut |_| {}).unwrap();
+    let found = measure(&left.domain, &left.outcome.positions).summary;
+    let last = left.outcome.trace.last().unwrap();
+    assert_eq!((left.outcome.stop, last.iteration + 1), (StopReason::Cancelled, left.outcome.trace.len()));
+    assert_eq!((last.max_k, last.mean_k), (found.max_k, found.mean_k));
+}
+
+#[test]
 fn with_the_surface_the_solid_stays_and_k_onto_the_ball_falls() {
     let (domain, start, outcome) = cube(1);
     let centre = Vec3::new(0.2, 0.1, -0.15);

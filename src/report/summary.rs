@@ -383,6 +383,9 @@ fn stop_in_words(achieved: &Achieved) -> String {
         StopReason::IterationLimit => ("iteration limit reached", "; a higher one may lower K further"),
         StopReason::TimeLimit => ("time limit reached", "; a longer one may lower K further"),
         StopReason::Cancelled => ("cancelled", "; this is the best map so far"),
+        StopReason::NoProgress if achieved.initial == achieved.last => {
+            ("no step lowered the objective", ": the final map is the start")
+        }
         StopReason::NoProgress => ("no step lowered the objective", ""),
         StopReason::NothingFree => ("no vertex is free to move", "; refine the mesh inside"),
         StopReason::StillFlipped => ("tets of the start resisted untangling; nothing was optimized", ""),

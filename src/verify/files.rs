@@ -97,15 +97,8 @@ impl Files {
         let flipped = if flipped.exists() { table::<FlippedRow>(&flipped, findings) } else { Some(Vec::new()) };
         let (report, domain, image, cells, trace) = (report?, domain?, image?, cells?, trace?);
         let (halved, flipped) = (halved?, flipped?);
-        let first = domain.soup.points.len().saturating_sub(halved.len());
-        let row = (first..).zip(&halved).position(|(vertex, row)| {
-            let [named, from, to] = [row.vertex, row.from, row.to].map(|v| v as usize);
-            named != vertex || from >= vertex || to >= vertex
-        });
-        if let Some(row) = row {
-            findings.found(format!(
-                "row {row} of {HALVED} (counted from 0) puts no vertex between two that come before it"
-            ));
+        if let Some(fault) = fault_of_halvings(&halved, domain.soup.points.len()) {
+            findings.found(fault);
             return None;
         }
         let halved = halved.iter().map(|row| [row.from, row.to].map(VertexId)).collect();
@@ -208,6 +201,29 @@ impl Files {
                 self.report.version, self.report.revision
             ));
         }
+    }
+}
+
+/// What is wrong with the rows of halvings by themselves: their vertices follow each other, each after the two it is between, up to the last.
+fn fault_of_halvings(rows: &[HalvedRow], vertices: usize) -> Option<String> {
+    let vertex = |row: &HalvedRow| row.vertex as usize;
+    let (first, last) = (vertex(rows.first()?), vertex(rows.last()?));
+    let wrong = (first..).zip(rows).position(|(next, row)| vertex(row) != next || row.from.max(row.to) >= row.vertex);
+    let name = format!("{HALVED} (counted from 0)");
+    match wrong {
+        Some(row) if vertex(&rows[row]) != first + row => Some(format!(
+            "row {row} of {name} is of vertex {}, but {} comes next: a row is missing there, or one too many",
+            rows[row].vertex,
+            first + row
+        )),
+        Some(row) => Some(format!("row {row} of {name} puts no vertex between two that come before it")),
+        None if last + 1 != vertices => Some(format!(
+            "row {} of {name}, the last, is of vertex {last}, but the last of domain.vtu's {vertices} is {}: rows are missing at its end, or too \
+             many",
+            rows.len() - 1,
+            vertices.saturating_sub(1)
+        )),
+        None => None,
     }
 }
 

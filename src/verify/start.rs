@@ -71,7 +71,7 @@ pub(super) fn again(files: &Files, findings: &mut Findings) -> Option<Again> {
     let corners_of_plan = if is_without_powers { CornerChoice::Linear } else { plan.corners };
     let plan = Plan { corners: corners_of_plan, ..plan };
     if is_without_powers {
-        findings.trust("that powers at the corners give no smaller K");
+        findings.trust("that powers at the corners give nothing better");
     }
     if report.achieved.untangling.as_ref().is_some_and(|untangling| untangling.refinement_splits > 0) {
         findings
@@ -183,14 +183,16 @@ fn rounds(files: &Files, findings: &mut Findings) {
     let edges: usize = refined.rounds.iter().map(|round| round.edges).sum();
     let names = |count: usize| if count == 0 { "is missing or empty".into() } else { format!("names {count}") };
     findings.expect(edges == files.changes.halved.len(), || {
-        format!("the rounds have halved {edges} edges, but {HALVED} {}", names(files.changes.halved.len()))
+        let edges = if edges == 1 { "1 edge".into() } else { format!("{edges} edges") };
+        format!("the rounds have halved {edges}, but {HALVED} {}", names(files.changes.halved.len()))
     });
     let [flipped, of_files]: [usize; 2] = [
         refined.rounds.iter().map(|round| round.flipped).sum(),
         files.changes.flips.iter().map(|flips| flips.old.len()).sum(),
     ];
     findings.expect(flipped == of_files, || {
-        format!("the rounds have flipped {flipped} tets, but {FLIPPED} {}", names(of_files))
+        let tets = if flipped == 1 { "1 tet".into() } else { format!("{flipped} tets") };
+        format!("the rounds have flipped {tets}, but {FLIPPED} {}", names(of_files))
     });
     let tets = refined.rounds.last().map_or(refined.tets_before, |round| round.tets);
     findings.expect(tets == files.cells.len(), || {

@@ -32,7 +32,19 @@ const TAMPERINGS_OF_REFINEMENT: &[Tampering] = &[
         "refined.csv or",
     ),
     ("an edge that is none", |f| edit_cell(f, "refined.csv", 0, 1, |_| "100000".into()), "row 0 of refined.csv"),
-    ("the last halving left out", leave_out_the_last_halving, "refined.csv"),
+    ("the first halving left out", |f| edit_rows(f, "refined.csv", |rows| _ = rows.remove(0)), "refined.csv names"),
+    ("a halving left out", |f| edit_rows(f, "refined.csv", |rows| _ = rows.remove(2)), "row 2 of refined.csv"),
+    (
+        "a halving twice",
+        |f| edit_rows(f, "refined.csv", |rows| rows.insert(3, rows[3].clone())),
+        "row 4 of refined.csv",
+    ),
+    ("the last halving left out", leave_out_the_last_halving, "the last, is of vertex"),
+    (
+        "the last halving twice",
+        |f| edit_rows(f, "refined.csv", |rows| rows.extend(rows.last().cloned())),
+        "one too many",
+    ),
     ("the halvings removed", |f| fs::remove_file(f.join("refined.csv")).unwrap(), "refined.csv is missing"),
     ("another vertex of a flipped tet", |f| edit_cell(f, "flipped.csv", 1, 2, |_| "0".into()), "row 1 of flipped.csv"),
     (
@@ -59,9 +71,17 @@ fn leave_out_the_last_halving(folder: &Path) {
 }
 
 fn leave_out_the_last_row(folder: &Path, name: &str) {
+    edit_rows(folder, name, |rows| _ = rows.pop());
+}
+
+/// Changes the rows of a table after its header.
+fn edit_rows(folder: &Path, name: &str, edit: impl FnOnce(&mut Vec<String>)) {
     edit_text(folder, name, |text| {
-        let lines: Vec<&str> = text.lines().collect();
-        lines[..lines.len() - 1].join("\n") + "\n"
+        let mut rows: Vec<String> = text.lines().map(String::from).collect();
+        let header = rows.remove(0);
+        edit(&mut rows);
+        rows.insert(0, header);
+        rows.join("\n") + "\n"
     });
 }
 
@@ -126,6 +146,29 @@ fn a_refined_mesh_of_tetgen_is_held_against_the_solid_and_the_start() {
             ("the last halving left out", leave_out_the_last_halving, "refined.csv"),
         ],
     );
+}
+
+/// As thin as files are taken: all tets are slivers, of which the report warns once, also where the mesh is taken from it.
+#[test]
+fn a_sheet_of_slivers_of_tetgens_is_verified() {
+    let folder = tempfile::tempdir().unwrap();
+    let corners = ["0 0 {}", "1 0 {}", "0 1 {}", "1 1 {}"];
+    let points = ["0", "0.001"].map(|z| corners.map(|corner| corner.replace("{}", z)).join("\n")).join("\n");
+    let faces =
+        "3 0 2 1\n3 1 2 3\n3 4 5 6\n3 5 7 6\n3 0 1 4\n3 1 5 4\n3 2 6 3\n3 3 6 7\n3 0 4 2\n3 2 4 6\n3 1 3 5\n3 3 7 5\n";
+    fs::write(folder.path().join("sheet.off"), format!("OFF\n8 12 0\n{points}\n{faces}")).unwrap();
+    let config = folder.path().join("case.toml");
+    fs::write(&config, "[domain]\nfile = \"sheet.off\"\n[mesh]\nkeep_boundary = true\n").unwrap();
+    let out = folder.path().join("out");
+    let (code, _) = qcball(&["run", &config.display().to_string(), "--quiet", "--threads", "1", "--out"], &out);
+    let is_there = report(&out).domain.centre.is_none();
+    if !is_there && std::env::var_os("QCBALL_EXTERNAL_REQUIRED").is_none() {
+        return eprintln!("skipped: TetGen is not there");
+    }
+    let warnings = report(&out).warnings;
+    assert!(code == Some(0) && warnings.iter().filter(|words| words.contains("sliver")).count() == 1, "{warnings:?}");
+    let (code, text) = qcball(&["verify"], &out);
+    assert_eq!(code, Some(0), "{text}");
 }
 
 const OF_SURFACE: &[&str] = &["mesh.layers=2", "refine.rounds=4", "refine.tets=\"400 %\"", "refine.surface=true"];

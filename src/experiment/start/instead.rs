@@ -82,7 +82,7 @@ impl Start {
             && self.splits.is_some_and(|splits| splits.corners > 0)
     }
 
-    /// The start of the map without powers, which takes the place of that with them where its K is smaller, and its plan.
+    /// The start of the map without powers, which takes the place of that with them where it is better, and its plan.
     ///
     /// # Errors
     /// As [`Start::of`].
@@ -95,8 +95,8 @@ impl Start {
     /// The same with a warning of it.
     pub fn told_to_be_without_powers(mut self) -> Self {
         self.warnings.push(
-            "corners = \"power\" halves edges from corner to corner, which on this mesh costs more than the powers gain: the map without powers has the \
-             smaller K and was taken; ask for more tets, so that they gain"
+            "corners = \"power\" halves edges from corner to corner, which on this mesh costs more than the powers gain: the map without powers came out \
+             better and was taken; ask for more tets, so that they gain"
                 .into(),
         );
         self

@@ -90,20 +90,32 @@ impl Warped<'_> {
     ) -> Result<(Outcome, Corners), OptimizeError> {
         let found = self.exponents(start, settings)?;
         let warped = Warped { corners: Some(&found.corners), ..*self };
-        let mut outcome = warped.optimize(start, settings, observe)?;
         let (plain, _) = warped.elements();
-        let mut k = if self.onto_ball {
-            warped.certified_onto_ball(&outcome.positions, settings)
+        let (mut outcome, mut k) = if self.onto_ball {
+            warped.optimize_onto_ball(&plain, start, settings, observe)?
         } else {
-            measure(&plain, &self.restricted(&outcome.positions)).summary.max_k
+            let outcome = warped.optimize(start, settings, observe)?;
+            let k = measure(&plain, &self.restricted(&outcome.positions)).summary.max_k;
+            (outcome, k)
         };
         let is_worse = found.max_k.is_some_and(|least| k.ln() > least.ln() + WORSE);
         if is_worse && self.onto_ball {
-            let of_search = Outcome { positions: found.image, ..outcome.clone() };
+            let mut of_search = Outcome { positions: found.image, ..outcome.clone() };
+            let seconds = outcome.trace.last().map_or(0.0, |row| row.seconds);
+            let least = found.max_k.unwrap_or(f64::INFINITY);
+            warped.tell(&mut of_search, &plain, ("from the search", least.ln(), 1.0, seconds), observe);
             let settled = warped.settle_onto_ball(of_search.clone(), usize::MAX, settings, observe)?;
-            // Points of the tets are what it went by, and in wide ones K is larger between them.
+            // Points of the tets are what it went by, and in wide ones K is larger between them. After a signal that is not known.
+            let is_known = !settings.cancel.is_raised();
+            let k_of = |image: &[Vec3]| match is_known {
+                true => warped.certified_onto_ball(image, settings),
+                false => measure(&plain, &self.restricted(image)).summary.max_k,
+            };
+            if !is_known {
+                k = k_of(&outcome.positions);
+            }
             for other in [settled, of_search] {
-                let k_of_other = warped.certified_onto_ball(&other.positions, settings);
+                let k_of_other = k_of(&other.positions);
                 if k_of_other < k {
                     (outcome, k) = (other, k_of_other);
                 }

@@ -228,12 +228,13 @@ fn in_words(report: &Report) -> String {
     let (ball, onto_ball) = (&report.achieved.ball, report.achieved.last.ball_k.map(|k| upper_bound(k.certified)));
     let mut words = format!(
         "A mesh of {tets} tets and {vertices} vertices ({solid}) was mapped {start} to the final one the largest K went from \
-         {} to {} and the mean K from {} to {}, in {} iterations.",
+         {} to {} and the mean K from {} to {}, in {} iteration{}.",
         number(report.achieved.initial.max_k),
         number(report.achieved.last.max_k),
         number(report.achieved.initial.mean_k),
         number(report.achieved.last.mean_k),
         report.achieved.iterations,
+        if report.achieved.iterations == 1 { "" } else { "s" },
         start = start_in_words(&report.map),
         solid = report.domain.solid,
         tets = report.domain.tets,
@@ -311,8 +312,8 @@ fn bottleneck(report: &Report) -> Option<String> {
         (false, _) => "All are",
     };
     Some(format!(
-        "The bottleneck: {} tets have a K within 0.1 % of the largest, {inside} the {kind} {} at {}{others}. {marked} marked in the viewer.",
-        bottleneck.active,
+        "The bottleneck: {} a K within 0.1 % of the largest, {inside} the {kind} {} at {}{others}. {marked} marked in the viewer.",
+        if bottleneck.active == 1 { "1 tet has".into() } else { format!("{} tets have", bottleneck.active) },
         vertices.join("-"),
         point(bottleneck.place.position(), decimals)
     ))
