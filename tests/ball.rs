@@ -87,6 +87,25 @@ OFF
 3 1 4 2
 ";
 
+const LONG_HULL: &str = "\
+OFF
+6 8 0
+1.517 -0.969 0.643
+-0.926 0.975 -0.838
+1.745 0.832 -0.004
+-0.247 -1.418 -1.536
+0.213 -0.364 0.571
+-2.014 -1.021 0.181
+3 0 3 2
+3 0 2 4
+3 0 5 3
+3 0 4 5
+3 1 2 3
+3 1 4 2
+3 1 3 5
+3 1 5 4
+";
+
 #[test]
 fn the_certified_k_is_at_most_that_of_the_start_and_of_the_map_onto_the_polyhedron() {
     let folder = tempfile::tempdir().unwrap();
@@ -119,6 +138,20 @@ fn a_start_that_is_best_is_told_and_verified() {
         summary.contains("no step lowered the objective") && summary.contains(": the final map is the start"),
         "{summary}"
     );
+    let (code, said, _) = qcball(folder.path(), &["verify", "run"]);
+    assert!(code == 0 && said.ends_with("\nverified\n"), "{said}");
+}
+
+/// With the exponents found it ends above what the search had seen with them.
+#[test]
+fn a_map_that_is_taken_from_the_search_of_exponents_has_its_row_and_is_verified() {
+    let folder = tempfile::tempdir().unwrap();
+    let boundary = "corners = \"power\"\nvalues = \"sliding\"";
+    let config = hull(folder.path(), LONG_HULL, 100, boundary, "objective = \"ball\"");
+    let config = config.replace("cells = 100", "subdivisions = 1\nlayers = 2");
+    let run = report(folder.path(), "run", &config, &["--threads", "1"]);
+    let trace = fs::read_to_string(folder.path().join("run/trace.csv")).unwrap();
+    assert!(run["corners"].is_array() && trace.contains("\nfrom the search,"), "{trace}");
     let (code, said, _) = qcball(folder.path(), &["verify", "run"]);
     assert!(code == 0 && said.ends_with("\nverified\n"), "{said}");
 }

@@ -282,9 +282,17 @@ impl Warped<'_> {
         let mut best: Option<OnTheWay> = None;
         for share in SHARES {
             let image = self.part_of_the_way([from, to], share, settings);
+            let least = best.as_ref().map_or(k, |best| best.held.k);
+            // The farthest is what tells more than whether it is better.
+            let is_max = settings.objective == Objective::Max;
+            if is_max && farthest.is_some() && self.k_below(&image, least, settings).is_none() {
+                if best.is_some() {
+                    break;
+                }
+                continue;
+            }
             let Ok(trial) = self.held(&image, settings) else { continue };
             farthest.get_or_insert_with(|| trial.large());
-            let least = best.as_ref().map_or(k, |best| best.held.k);
             if trial.k < least {
                 let enough = share == 1.0 && k - trial.k >= KEPT * promised;
                 best = Some(OnTheWay { share, held: trial, image });

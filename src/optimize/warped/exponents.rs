@@ -170,7 +170,8 @@ impl Warped<'_> {
                 Some(best) if is_near => (Start::Settled, &best.image[..]),
                 _ => (Start::Anywhere, start),
             };
-            let trial = self.tried(corners, known, from, &settings)?;
+            let below = best.as_ref().map_or(f64::INFINITY, |best| best.k);
+            let trial = self.tried(corners, (known, from), below, &settings)?;
             if best.as_ref().is_none_or(|best| trial.k < best.k) {
                 best = Some(trial);
             }
@@ -184,7 +185,7 @@ impl Warped<'_> {
                 if settings.cancel.is_due() {
                     break;
                 }
-                let trial = self.tried(to_the(power), Start::Settled, &best.image, &settings)?;
+                let trial = self.tried(to_the(power), (Start::Settled, &best.image), best.k, &settings)?;
                 if trial.k < best.k {
                     best = trial;
                     break;
@@ -217,7 +218,7 @@ impl Warped<'_> {
                 best.corners.exponents().into_iter().map(|(v, p)| (v, p.ln())).collect();
             let moved = |vertex: VertexId| (logs[&vertex] + change(self.alike(vertex)).unwrap_or(0.0)).exp();
             let corners = best.corners.clone().with_exponents(moved);
-            let trial = self.tried(corners, Start::Settled, &best.image, settings)?;
+            let trial = self.tried(corners, (Start::Settled, &best.image), best.k, settings)?;
             let fell = trial.k < best.k;
             let largest = if fell { CURVATURE[2] } else { CURVATURE[3] };
             let secants: Vec<(u32, f64)> = { best.slopes.keys() }
@@ -237,18 +238,22 @@ impl Warped<'_> {
         Ok(best)
     }
 
+    /// The best that is found with these exponents; K onto the ball is certified if it may be `below` this one, and else infinite.
     fn tried(
         &self,
         corners: Corners,
-        known: Start,
-        from: &[Vec3],
+        (known, from): (Start, &[Vec3]),
+        below: f64,
         settings: &OptimizeSettings,
     ) -> Result<Trial, OptimizeError> {
         let warped = Warped { corners: Some(&corners), ..*self };
         let (plain, owners) = warped.elements();
         let (outcome, k, first) = if self.onto_ball {
             let (outcome, first) = warped.lowered_onto_ball(&plain, (known, from), (ROUNDS, settings), &mut |_| {})?;
-            let k = warped.certified_onto_ball(&outcome.positions, settings);
+            // At a limit what is certified is coarse, but all there is.
+            let may_be_below =
+                settings.cancel.is_due() || warped.k_below(&outcome.positions, below, settings).is_some();
+            let k = if may_be_below { warped.certified_onto_ball(&outcome.positions, settings) } else { f64::INFINITY };
             (outcome, k, first)
         } else {
             let outcome = self.solved(&plain, known, from, settings, &mut |_, _| {})?;
