@@ -88,7 +88,7 @@ impl Warped<'_> {
         settings: &OptimizeSettings,
         observe: &mut dyn FnMut(&TraceRow),
     ) -> Result<(Outcome, Corners), OptimizeError> {
-        let found = self.exponents(start, settings)?;
+        let found = self.exponents(start, settings, observe)?;
         let warped = Warped { corners: Some(&found.corners), ..*self };
         let (plain, _) = warped.elements();
         let (mut outcome, mut k) = if self.onto_ball {
@@ -99,7 +99,9 @@ impl Warped<'_> {
             (outcome, k)
         };
         let is_worse = found.max_k.is_some_and(|least| k.ln() > least.ln() + WORSE);
-        if is_worse && self.onto_ball {
+        // A signal in the search leaves what it has, of unknown K onto the ball, and nothing but the start from here on.
+        let is_interrupted = found.max_k.is_some() && settings.cancel.is_raised();
+        if self.onto_ball && (is_worse || is_interrupted) {
             let mut of_search = Outcome { positions: found.image, ..outcome.clone() };
             let seconds = outcome.trace.last().map_or(0.0, |row| row.seconds);
             let least = found.max_k.unwrap_or(f64::INFINITY);
@@ -143,19 +145,33 @@ impl Warped<'_> {
 
     /// The exponents of least largest K, onto the polyhedron or the ball, among the ones tried: those that the corners have and none among them, and those
     /// from which no small change lowers it by much. Corners that the mirror planes exchange have the same. Without iterations
-    /// those that the corners have.
+    /// those that the corners have. `observe` is told of each trial's iterations, in phases with the trial's number.
     ///
     /// # Errors
     /// As [`optimize()`](crate::optimize::optimize()).
     ///
     /// # Panics
     /// Without corners.
-    pub fn exponents(&self, start: &[Vec3], settings: &OptimizeSettings) -> Result<BestExponents, OptimizeError> {
+    pub fn exponents(
+        &self,
+        start: &[Vec3],
+        settings: &OptimizeSettings,
+        observe: &mut dyn FnMut(&TraceRow),
+    ) -> Result<BestExponents, OptimizeError> {
         let given = self.corners.expect("there are corners");
         if settings.max_iterations == 0 {
             return Ok(BestExponents { corners: given.clone(), max_k: None, image: start.to_vec() });
         }
         let settings = OptimizeSettings { polish: Polish::None, ..settings.clone() };
+        let mut trials = 0;
+        let observe = &mut |row: &TraceRow| {
+            trials += usize::from(row.iteration == 0);
+            observe(&TraceRow {
+                phase: format!("powers {trials}, {}", row.phase).into(),
+                progress: 0.0,
+                ..row.clone()
+            });
+        };
         let logs: BTreeMap<VertexId, f64> = given.exponents().into_iter().map(|(v, p)| (v, p.ln())).collect();
         let to_the = |power: f64| given.clone().with_exponents(|vertex| (logs[&vertex] * power).exp());
         let alike = (COMMON.1 / self.tets().len().max(1)).min(COMMON.2);
@@ -171,7 +187,7 @@ impl Warped<'_> {
                 _ => (Start::Anywhere, start),
             };
             let below = best.as_ref().map_or(f64::INFINITY, |best| best.k);
-            let trial = self.tried(corners, (known, from), below, &settings)?;
+            let trial = self.tried(corners, (known, from), below, &settings, observe)?;
             if best.as_ref().is_none_or(|best| trial.k < best.k) {
                 best = Some(trial);
             }
@@ -185,19 +201,24 @@ impl Warped<'_> {
                 if settings.cancel.is_due() {
                     break;
                 }
-                let trial = self.tried(to_the(power), (Start::Settled, &best.image), best.k, &settings)?;
+                let trial = self.tried(to_the(power), (Start::Settled, &best.image), best.k, &settings, observe)?;
                 if trial.k < best.k {
                     best = trial;
                     break;
                 }
             }
         }
-        let Trial { k, corners, image, .. } = self.settled(best, &settings)?;
+        let Trial { k, corners, image, .. } = self.settled(best, &settings, observe)?;
         Ok(BestExponents { corners, max_k: Some(k), image })
     }
 
     /// Leads the slopes of all corners to 0, as long as that lowers K.
-    fn settled(&self, mut best: Trial, settings: &OptimizeSettings) -> Result<Trial, OptimizeError> {
+    fn settled(
+        &self,
+        mut best: Trial,
+        settings: &OptimizeSettings,
+        observe: &mut dyn FnMut(&TraceRow),
+    ) -> Result<Trial, OptimizeError> {
         let mut curvatures: BTreeMap<u32, f64> = BTreeMap::new();
         let mut reach = 1.0f64;
         for _ in 0..STEPS {
@@ -218,7 +239,7 @@ impl Warped<'_> {
                 best.corners.exponents().into_iter().map(|(v, p)| (v, p.ln())).collect();
             let moved = |vertex: VertexId| (logs[&vertex] + change(self.alike(vertex)).unwrap_or(0.0)).exp();
             let corners = best.corners.clone().with_exponents(moved);
-            let trial = self.tried(corners, (Start::Settled, &best.image), best.k, settings)?;
+            let trial = self.tried(corners, (Start::Settled, &best.image), best.k, settings, observe)?;
             let fell = trial.k < best.k;
             let largest = if fell { CURVATURE[2] } else { CURVATURE[3] };
             let secants: Vec<(u32, f64)> = { best.slopes.keys() }
@@ -245,18 +266,19 @@ impl Warped<'_> {
         (known, from): (Start, &[Vec3]),
         below: f64,
         settings: &OptimizeSettings,
+        observe: &mut dyn FnMut(&TraceRow),
     ) -> Result<Trial, OptimizeError> {
         let warped = Warped { corners: Some(&corners), ..*self };
         let (plain, owners) = warped.elements();
         let (outcome, k, first) = if self.onto_ball {
-            let (outcome, first) = warped.lowered_onto_ball(&plain, (known, from), (ROUNDS, settings), &mut |_| {})?;
+            let (outcome, first) = warped.lowered_onto_ball(&plain, (known, from), (ROUNDS, settings), observe)?;
             // At a limit what is certified is coarse, but all there is.
             let may_be_below =
                 settings.cancel.is_due() || warped.k_below(&outcome.positions, below, settings).is_some();
             let k = if may_be_below { warped.certified_onto_ball(&outcome.positions, settings) } else { f64::INFINITY };
             (outcome, k, first)
         } else {
-            let outcome = self.solved(&plain, known, from, settings, &mut |_, _| {})?;
+            let outcome = self.solved(&plain, known, from, settings, &mut |row, _| observe(row))?;
             let k = measure(&plain, &self.restricted(&outcome.positions)).summary.max_k;
             (outcome.clone(), k, outcome)
         };
@@ -357,7 +379,7 @@ mod tests {
         assert!((slope - difference).abs() < 1e-4 && slope.abs() > 0.1, "{slope} {difference}");
         let corners = of(exponent);
         let warped = Warped { domain: &domain, corners: Some(&corners), mirrors: None, onto_ball: false };
-        let found = warped.exponents(&image, &settings).unwrap();
+        let found = warped.exponents(&image, &settings, &mut |_| {}).unwrap();
         let (least, _, _) = solved(&found.corners, &image);
         assert!(least < ln_k - 1e-3, "{least} {ln_k} {:?}", found.corners.exponents());
     }
