@@ -240,7 +240,7 @@ fn k_onto_the_ball_ends_no_higher_than_it_is_at_the_start() {
     let polygons = triangles.map(|triangle| triangle.map(VertexId).to_vec()).to_vec();
     let points = points.map(|[x, y, z]| Vec3::new(x, y, z)).to_vec();
     let surface = Surface::from_soup(PolygonSoup { points, polygons, notes: Vec::new() }).unwrap();
-    let settings = ShellSettings { subdivisions: 0, refinement: Some(Refinement::USUAL), layers: 4, grading: 1.0 };
+    let settings = ShellSettings { subdivisions: 1, refinement: Some(Refinement::Cells(300)), layers: 8, grading: 1.0 };
     let shell = shell_mesh(&surface, Vec3::new(0.0259, -0.0491, -0.1712), &settings).unwrap();
     let start = caraman(&RadialCoordinates::of_shell(&shell), 1.0);
     let domain = Domain::new(shell.mesh).unwrap();
