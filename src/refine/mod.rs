@@ -14,7 +14,7 @@
 //! Or edges of the surface are halved as well. The solid stays what it was, its sharp edges are those that they were; new vertices of the
 //! surface go to the sphere, where the boundary map sends them, and slide from there if the boundary does. The image comes nearer to the ball, its angles
 //! open, and K onto it rises with them. What is lowered and judged there is K onto the ball, as for the objective "ball", in the rounds
-//! by a soft maximum. The map may be like powers at corners of the solid: their elements stay as they are but for the edges opposite to the
+//! by a soft maximum; the map that is returned has the least certified one of all that were settled, the start among them. The map may be like powers at corners of the solid: their elements stay as they are but for the edges opposite to the
 //! corners.
 
 mod flips;
@@ -29,7 +29,7 @@ use self::surface::Held;
 use crate::bound::{BoundaryImage, LowerBound, best_applicable, edge_ratio, trace, vertex};
 use crate::domain::Domain;
 use crate::map::Corners;
-use crate::measure::{Summary, measure};
+use crate::measure::{Summary, measure, measure_onto_ball_until, measure_warped_onto_ball};
 use crate::mesh::{BoundaryEdges, MeshChanges, TetId, Vec3, VertexId};
 use crate::optimize::{
     Objective, OptimizeError, OptimizeSettings, Outcome, Polish, Start, StopReason, TraceRow, Warped, optimize_from,
@@ -151,10 +151,13 @@ pub fn refine(
     let (changes, rounds) = (MeshChanges::default(), Vec::new());
     let mut refined =
         RefinedMap { domain, start, outcome, corners, changes, max_k_before: None, rounds, end: RefineEnd::NotSettled };
+    let surface = refinement.surface;
     if !matches!(refined.outcome.stop, StopReason::Optimal | StopReason::Converged | StopReason::NoProgress) {
+        if surface {
+            refined.take_better_start(settings, observe);
+        }
         return Ok(refined);
     }
-    let surface = refinement.surface;
     let middles = Middles { of_surface: surface, centre };
     let (exponent, rough) = if surface { OF_SURFACE } else { (EXPONENT, ROUGH) };
     let softly = OptimizeSettings {
@@ -167,13 +170,12 @@ pub fn refine(
     let bound = if surface { 1.0 } else { unchanging().map_or(1.0, |bound| bound.value) };
     if surface {
         // What is gained is gained over the best map of the mesh as it is.
-        let settled = refined.outcome.positions.clone();
-        refined.settle_onto_ball((0, usize::MAX), settled, settings, observe)?;
+        refined.settle_first_onto_ball(settings, observe)?;
     }
     // The map of least K so far; the outcome's is the soft maximum's. Where the surface is refined it is one of a coarser mesh for good.
     let mut best = refined.outcome.positions.clone();
     let mut kept = surface.then(|| refined.clone());
-    let mut reached = refined.max_k(&best, surface);
+    let mut reached = refined.max_k(&best, surface, settings);
     refined.max_k_before = Some(reached);
     refined.end = loop {
         if reached <= bound * (1.0 + refinement.until) {
@@ -222,8 +224,9 @@ pub fn refine(
         } else {
             refined.settle(round, &halves.carried, &softly, observe)?;
         }
-        let max_k = refined.max_k(&refined.outcome.positions, surface);
-        let is_best = max_k < reached;
+        let max_k = refined.max_k(&refined.outcome.positions, surface, settings);
+        // What K onto the ball is of a map that was ended is not known as that of the others is.
+        let is_best = max_k < reached && !(surface && settings.cancel.is_due());
         if is_best {
             (reached, best) = (max_k, refined.outcome.positions.clone());
         }
@@ -240,12 +243,14 @@ pub fn refine(
     if (settings.polish != Polish::None || round > 0) && !settings.cancel.is_due() {
         let soft = std::mem::take(&mut refined.outcome.positions);
         refined.settle(round, &soft, settings, observe)?;
-        if refined.max_k(&refined.outcome.positions, surface) > reached * (1.0 + settings.rise) {
+        if refined.max_k(&refined.outcome.positions, surface, settings) > reached * (1.0 + settings.rise) {
             refined.settle(round, &best, settings, observe)?;
         }
     } else {
         refined.outcome.positions = best;
-        refined.leave(settings, observe);
+        if let Some(due) = StopReason::of(&settings.cancel) {
+            refined.leave(due, observe);
+        }
     }
     Ok(refined)
 }
@@ -261,26 +266,34 @@ impl RefinedMap {
         Some(before)
     }
 
-    /// The largest K of a map, onto the ball if that is asked for, and then as far as points of the tets tell.
-    fn max_k(&self, positions: &[Vec3], onto_ball: bool) -> f64 {
-        if onto_ball {
-            // An element of a corner may be turned over where its tet is not.
-            let elements = self.corners.as_ref().map(|corners| corners.elements(&self.domain).domain);
-            if elements.is_some_and(|elements| measure(&elements, positions).summary.flipped > 0) {
-                return f64::INFINITY;
-            }
-            Held::of(&self.domain, self.corners.as_ref(), positions).map_or(f64::INFINITY, |held| held.k())
-        } else {
-            measure(&self.domain, positions).summary.max_k
+    /// The largest K of a map. That onto the ball, if it is asked for, is what is proved of it, or as far as points of the tets tell once the
+    /// work is to end.
+    fn max_k(&self, positions: &[Vec3], onto_ball: bool, settings: &OptimizeSettings) -> f64 {
+        if !onto_ball {
+            return measure(&self.domain, positions).summary.max_k;
         }
+        // An element of a corner may be turned over where its tet is not.
+        let elements = self.corners.as_ref().map(|corners| corners.elements(&self.domain).domain);
+        if measure(elements.as_ref().unwrap_or(&self.domain), positions).summary.flipped > 0 {
+            return f64::INFINITY;
+        }
+        let proved = || match &self.corners {
+            Some(corners) => measure_warped_onto_ball(&self.domain, corners, positions, None, &settings.cancel),
+            None => measure_onto_ball_until(&self.domain, positions, &settings.cancel),
+        };
+        let by_points =
+            || Held::of(&self.domain, self.corners.as_ref(), positions).map_or(f64::INFINITY, |held| held.k());
+        let proved = if settings.cancel.is_due() { None } else { proved().summary.ball_k };
+        proved.filter(|k| !k.cut_short).map_or_else(by_points, |k| k.certified)
     }
 
-    /// What is told where the map that is kept is not settled any more: its row, and what is due.
-    fn leave(&mut self, settings: &OptimizeSettings, observe: &mut dyn FnMut(&TraceRow)) {
+    /// What is told where the map that is kept is not settled any more, and why. A round that lowered K by halving alone, or by the last bits, has no
+    /// row of its own.
+    fn leave(&mut self, why: StopReason, observe: &mut dyn FnMut(&TraceRow)) {
         if !self.rounds.is_empty() {
             self.tell_of_best(observe);
         }
-        self.outcome.stop = StopReason::of(&settings.cancel).unwrap_or(self.outcome.stop);
+        (self.end, self.outcome.stop) = (RefineEnd::NotSettled, why);
     }
 
     /// A row of the map that is returned, where it was taken over from a coarser mesh as it was: there are more tets to its mean now.
@@ -312,6 +325,48 @@ impl RefinedMap {
         Ok(())
     }
 
+    /// Lowers K onto the ball on the mesh as it is, from the map that is there, or from the start where K onto the ball is below what that comes to: on coarse
+    /// meshes a small K onto the polyhedron may go with a large one onto the ball.
+    fn settle_first_onto_ball(
+        &mut self,
+        settings: &OptimizeSettings,
+        observe: &mut dyn FnMut(&TraceRow),
+    ) -> Result<(), OptimizeError> {
+        self.settle_last_onto_ball(settings, observe)?;
+        if self.take_better_start(settings, observe) {
+            self.settle_last_onto_ball(settings, observe)?;
+        }
+        Ok(())
+    }
+
+    /// Takes the start in place of the map if K onto the ball is smaller there; whether it is.
+    fn take_better_start(&mut self, settings: &OptimizeSettings, observe: &mut dyn FnMut(&TraceRow)) -> bool {
+        let k = |image: &[Vec3]| self.max_k(image, true, settings);
+        let is_better = k(&self.start) < k(&self.outcome.positions);
+        if is_better {
+            self.outcome.positions.clone_from(&self.start);
+            self.tell_of_best(observe);
+        }
+        is_better
+    }
+
+    /// Lowers K onto the ball on the last mesh as far as it goes; what is no better by what is proved of it is left as it was.
+    fn settle_last_onto_ball(
+        &mut self,
+        settings: &OptimizeSettings,
+        observe: &mut dyn FnMut(&TraceRow),
+    ) -> Result<(), OptimizeError> {
+        let (rows, before) = (self.outcome.trace.len(), self.outcome.positions.clone());
+        self.settle_onto_ball((self.rounds.len(), usize::MAX), before.clone(), settings, observe)?;
+        if self.outcome.trace.len() > rows
+            && self.max_k(&self.outcome.positions, true, settings) > self.max_k(&before, true, settings)
+        {
+            self.outcome.positions = before;
+            self.tell_of_best(observe);
+        }
+        Ok(())
+    }
+
     /// Settles K onto the ball on the last mesh; what was `kept` of an earlier one is settled where that is no better.
     fn settled_onto_ball(
         mut self,
@@ -321,32 +376,31 @@ impl RefinedMap {
         observe: &mut dyn FnMut(&TraceRow),
     ) -> Result<Self, OptimizeError> {
         (kept.end, kept.max_k_before) = (self.end, self.max_k_before);
-        if settings.cancel.is_due() {
-            // A round that lowered K by halving alone, or by the last bits, has no row of its own.
-            kept.leave(settings, observe);
+        if let Some(due) = StopReason::of(&settings.cancel) {
+            kept.leave(due, observe);
+            return Ok(kept);
+        }
+        if self.rounds.is_empty() {
             return Ok(kept);
         }
         let mut settle = |map: &mut Self| {
-            let (round, positions) = (map.rounds.len(), map.outcome.positions.clone());
             let rows = map.outcome.trace.len();
-            map.settle_onto_ball((round, usize::MAX), positions, settings, observe)?;
+            map.settle_last_onto_ball(settings, observe)?;
             if map.outcome.trace.len() == rows && rows <= settings.max_iterations {
                 map.tell_of_best(observe);
             }
             Ok::<(), OptimizeError>(())
         };
-        if self.rounds.is_empty() {
-            return Ok(kept);
-        }
         settle(&mut self)?;
-        if self.max_k(&self.outcome.positions, true) <= reached {
+        let ended = StopReason::of(&settings.cancel);
+        if ended.is_none() && self.max_k(&self.outcome.positions, true, settings) <= reached {
             return Ok(self);
         }
-        if kept.rounds.is_empty() {
+        match (ended, kept.rounds.len()) {
+            (Some(ended), _) => kept.leave(ended, observe),
             // It is settled.
-            kept.end = RefineEnd::NoGain;
-        } else {
-            settle(&mut kept)?;
+            (None, 0) => kept.end = RefineEnd::NoGain,
+            (None, _) => settle(&mut kept)?,
         }
         Ok(kept)
     }

@@ -1,9 +1,9 @@
 use super::*;
 use crate::map::{RadialCoordinates, caraman};
 use crate::measure::{ball_dilatation, warped_ball_dilatation};
-use crate::mesh::{Boundary, Subdivision};
+use crate::mesh::{Boundary, PolygonSoup, Subdivision};
 use crate::optimize::{BoundaryValues, optimize};
-use crate::solid::{ShellSettings, Solid, shell_mesh};
+use crate::solid::{Refinement, ShellSettings, Solid, Surface, shell_mesh};
 
 /// The cube in few tets and its radial map, optimized without a polish.
 fn cube(subdivisions: u32) -> (Domain, Vec<Vec3>, Outcome) {
@@ -206,7 +206,7 @@ fn with_the_surface_the_solid_stays_and_k_onto_the_ball_falls() {
         refine(unrefined(domain, start, outcome, Some(centre)), &settings, &refinement, &mut |_| {}).unwrap()
     };
     let map = refined(&outcome);
-    // What the rounds tell is at points of the tets, so below what is certified.
+    // What the rounds tell is certified, too.
     assert!(map.max_k_before.unwrap() <= before.certified * (1.0 + 1e-10), "{map:?} {before:?}");
     let mut reached = map.max_k_before.unwrap();
     for round in &map.rounds {
@@ -240,6 +240,49 @@ fn with_the_surface_the_solid_stays_and_k_onto_the_ball_falls() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
     let again = pool.install(|| refined(&outcome));
     assert_eq!((again.changes, again.outcome.positions), (map.changes, map.outcome.positions));
+}
+
+#[test]
+fn k_onto_the_ball_ends_no_higher_than_it_is_at_the_start() {
+    // The hull of a few points, with long flat triangles: the least K onto the polyhedron goes with a larger one onto the ball than the start has.
+    let points = [
+        [-0.315068, -0.930018, -0.213302],
+        [1.111917, 0.424147, 1.036879],
+        [-1.666063, 0.855251, 0.506385],
+        [0.498818, -1.691365, -1.743888],
+        [-0.889615, -0.468189, 0.305446],
+        [-0.045912, 0.520975, -0.642235],
+        [0.308703, 0.394154, -0.661137],
+    ];
+    let triangles =
+        [[0, 3, 1], [0, 1, 4], [0, 4, 3], [1, 2, 4], [1, 5, 2], [1, 3, 6], [1, 6, 5], [2, 3, 4], [2, 5, 3], [3, 5, 6]];
+    let polygons = triangles.map(|triangle| triangle.map(VertexId).to_vec()).to_vec();
+    let points = points.map(|[x, y, z]| Vec3::new(x, y, z)).to_vec();
+    let surface = Surface::from_soup(PolygonSoup { points, polygons, notes: Vec::new() }).unwrap();
+    let settings = ShellSettings { subdivisions: 1, refinement: Some(Refinement::Cells(300)), layers: 8, grading: 1.0 };
+    let shell = shell_mesh(&surface, Vec3::new(0.0259, -0.0491, -0.1712), &settings).unwrap();
+    let start = caraman(&RadialCoordinates::of_shell(&shell), 1.0);
+    let domain = Domain::new(shell.mesh).unwrap();
+    let settings = OptimizeSettings { polish: Polish::None, ..OptimizeSettings::default() };
+    let outcome = optimize(&domain, &start, domain.boundary().vertex_mask(), &settings, &mut |_| {}).unwrap();
+    let k = |domain: &Domain, image: &[Vec3]| ball_dilatation(domain, image).unwrap().certified;
+    let at_start = k(&domain, &start);
+    assert!(at_start < k(&domain, &outcome.positions), "this is no such case");
+    let refined = |rounds: usize, stop: StopReason| {
+        let refinement = RefineSettings { rounds, ..RefineSettings::of_surface() };
+        let outcome = Outcome { stop, ..outcome.clone() };
+        let map = Unrefined { domain: domain.clone(), start: start.clone(), outcome, corners: None, centre: None };
+        refine(map, &OptimizeSettings::default(), &refinement, &mut |_| {}).unwrap()
+    };
+    for (rounds, stop) in [(0, outcome.stop), (2, outcome.stop), (2, StopReason::TimeLimit)] {
+        let map = refined(rounds, stop);
+        let found = k(&map.domain, &map.outcome.positions);
+        assert!(found <= at_start, "{rounds} rounds, {stop}: {found} from {at_start}");
+        assert!(map.max_k_before.is_none_or(|before| found <= before && before <= at_start), "{:?}", map.max_k_before);
+        // Its row is there, as verify asks.
+        let max_k = measure(&map.domain, &map.outcome.positions).summary.max_k;
+        assert!(map.outcome.trace.iter().any(|row| (row.max_k / max_k - 1.0).abs() < 1e-12));
+    }
 }
 
 #[test]
