@@ -36,6 +36,11 @@ impl Cancel {
         self.deadline.map(|deadline| deadline.saturating_duration_since(Instant::now()))
     }
 
+    /// The same, or where work is to end, what leaves a second to judge its results.
+    pub fn or_a_second_more(&self) -> Self {
+        if self.is_due() { Self::default().within(Duration::from_secs(1)) } else { self.clone() }
+    }
+
     /// Whether work is to end: the flag is up or the deadline has passed.
     pub fn is_due(&self) -> bool {
         self.is_raised() || self.time_left().is_some_and(|left| left.is_zero())
@@ -65,5 +70,7 @@ mod tests {
         assert!(cancel.within(Duration::MAX).time_left().is_none_or(|left| left > Duration::from_secs(1_000_000_000)));
         past.raise();
         assert!(far.is_due() && cancel.is_raised());
+        let more = far.or_a_second_more();
+        assert!(!more.is_raised() && more.time_left().is_some_and(|left| left <= Duration::from_secs(1)));
     }
 }

@@ -106,6 +106,43 @@ OFF
 3 1 5 4
 ";
 
+const BRACKET: &str = "\
+OFF
+12 20 0
+0 0 0
+2 0 0
+2 1 0
+1 1 0
+1 2 0
+0 2 0
+0 0 1
+2 0 1
+2 1 1
+1 1 1
+1 2 1
+0 2 1
+3 0 3 1
+3 6 7 9
+3 1 3 2
+3 7 8 9
+3 0 5 3
+3 6 9 11
+3 3 5 4
+3 9 10 11
+3 0 1 7
+3 0 7 6
+3 1 2 8
+3 1 8 7
+3 2 3 9
+3 2 9 8
+3 3 4 10
+3 3 10 9
+3 4 5 11
+3 4 11 10
+3 5 0 6
+3 5 6 11
+";
+
 #[test]
 fn the_certified_k_is_at_most_that_of_the_start_and_of_the_map_onto_the_polyhedron() {
     let folder = tempfile::tempdir().unwrap();
@@ -156,7 +193,22 @@ fn a_map_that_is_taken_from_the_search_of_exponents_has_its_row_and_is_verified(
     assert!(code == 0 && said.ends_with("\nverified\n"), "{said}");
 }
 
-/// Powers cost more than they gain there, since edges are halved for them. K onto the ball is not known after a signal.
+/// The rounds begin at the start, which is less than the map onto the polyhedron by more than a fifth, and no step from it leads down; but from that map.
+#[test]
+fn where_no_step_from_the_start_leads_down_rounds_begin_at_the_map_onto_the_polyhedron() {
+    let folder = tempfile::tempdir().unwrap();
+    let k = |map: &Value| map["ball_k"]["certified"].as_f64().unwrap();
+    for values in ["fixed", "sliding"] {
+        let config = hull(folder.path(), BRACKET, 100, &format!("values = \"{values}\""), "objective = \"ball\"");
+        let config = config.replace("cells = 100", "subdivisions = 1\nlayers = 3");
+        let run = report(folder.path(), values, &config, &["--threads", "1"]);
+        assert!(k(&run["final"]) < k(&run["initial"]) && run["stop"] == "converged", "{run}");
+        let (code, said, _) = qcball(folder.path(), &["verify", values]);
+        assert!(code == 0 && said.ends_with("\nverified\n"), "{said}");
+    }
+}
+
+/// Powers cost more than they gain there, since edges are halved for them. K onto the ball is told after a signal, too.
 #[test]
 fn after_a_signal_the_better_of_the_maps_with_powers_and_without_is_taken() {
     let folder = tempfile::tempdir().unwrap();
@@ -165,7 +217,7 @@ fn after_a_signal_the_better_of_the_maps_with_powers_and_without_is_taken() {
     fs::write(folder.path().join("a.toml"), &config).unwrap();
     let plan = Plan::read(&folder.path().join("a.toml"), &[]).unwrap();
     let cancel = &plan.optimize.cancel;
-    // The first row is of the map with the exponents found, after the map without and the search.
+    // The first row is of the search of exponents, after the map without.
     let finished = experiment::run_and_tell(&plan, &mut |event| {
         if matches!(event, Event::Row(_)) {
             cancel.raise();
@@ -173,8 +225,10 @@ fn after_a_signal_the_better_of_the_maps_with_powers_and_without_is_taken() {
     })
     .unwrap();
     let achieved = &finished.report.achieved;
-    assert_eq!((achieved.stop, achieved.last.ball_k), (StopReason::Cancelled, None));
+    assert_eq!(achieved.stop, StopReason::Cancelled);
     assert!(finished.corners.is_none() && achieved.iterations > 1, "{achieved:?}");
+    let [first, last] = [achieved.initial.ball_k, achieved.last.ball_k].map(|k| k.unwrap().certified);
+    assert!(last <= first, "{last} {first}");
     let out = folder.path().join("out");
     write_results(&out, &finished.report, &finished.record()).unwrap();
     let found = verify::verify(&out).unwrap();

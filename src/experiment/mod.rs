@@ -217,8 +217,13 @@ fn stages(plan: &Plan, tell: &mut dyn FnMut(Event)) -> Result<Finished, RunError
     tell(Event::Stage(Stage::Measuring));
     let domain = &start.domain;
     // With the exponents arrived at, where corners have any.
-    let measured_initial = start.measure(&start.image, &measuring_from_now(&plan.optimize));
-    let measured = start.measure(&outcome.positions, &measuring_from_now(&plan.optimize));
+    let measuring = || match plan.onto_ball {
+        // What was asked for is told after a signal as well.
+        true => measuring_from_now(&plan.optimize).or_a_second_more(),
+        false => measuring_from_now(&plan.optimize),
+    };
+    let measured_initial = start.measure(&start.image, &measuring());
+    let measured = start.measure(&outcome.positions, &measuring());
     if plan.certify.is_some() {
         tell(Event::Stage(Stage::Certifying));
     }
@@ -277,18 +282,16 @@ fn optimized(start: &mut Start, plan: &Plan, observe: &mut dyn FnMut(&TraceRow))
     let first = Plan { optimize: OptimizeSettings { polish, ..timed.clone() }, ..plan.clone() };
     let linear = without_powers(start, &first);
     let mut optimized = settled(start, &first, observe)?;
-    let measured = |start: &Start, optimized: &Optimized| {
-        let summary = start.measure(&optimized.outcome.positions, &timed.cancel).summary;
-        (summary.max_k, summary.ball_k.filter(|_| plan.onto_ball).map(|k| k.certified))
-    };
     if let Some((other, of_other)) = linear {
-        // After a signal K onto the ball is not known.
-        let is_better = match (measured(&other, &of_other), measured(start, &optimized)) {
-            ((_, Some(of_linear)), (_, Some(of_powers))) => of_linear < of_powers,
-            ((of_linear, _), (of_powers, _)) => of_linear < of_powers,
+        let judging = timed.cancel.or_a_second_more();
+        let k_of = |start: &Start, optimized: &Optimized| {
+            let summary = start.measure(&optimized.outcome.positions, &judging).summary;
+            if plan.onto_ball { summary.ball_k.map_or(f64::INFINITY, |k| k.certified) } else { summary.max_k }
         };
-        if is_better {
+        if k_of(&other, &of_other) < k_of(start, &optimized) {
             (*start, optimized) = (other, of_other);
+            // The search of powers is what ended so.
+            optimized.outcome.stop = StopReason::of(&timed.cancel).unwrap_or(optimized.outcome.stop);
         }
     }
     refined(start, optimized, plan, &timed, observe)

@@ -99,13 +99,29 @@ impl Warped<'_> {
             self.lowered_onto_ball(plain, (Start::Anywhere, start), (usize::MAX, settings), observe)?;
         let mut k = self.certified_onto_ball(&outcome.positions, settings);
         // Points of the tets are what the rounds went by, and in wide ones K is larger between them.
+        let mut is_other = false;
         for other in [start, &first.positions] {
             if other == outcome.positions || self.k_below(other, k, settings).is_none() {
                 continue;
             }
             let k_of_other = self.certified_onto_ball(other, settings);
             if k_of_other < k {
-                (k, outcome.positions) = (k_of_other, other.to_vec());
+                (k, outcome.positions, is_other) = (k_of_other, other.to_vec(), true);
+            }
+        }
+        // Rounds that began elsewhere came to nothing better, but those from here may; and where they began at the start, those from the map
+        // onto the polyhedron may.
+        let of_first = Some(first.positions).filter(|_| outcome.positions == start);
+        let of_other = is_other.then(|| outcome.positions.clone());
+        for positions in of_other.into_iter().chain(of_first) {
+            if !went_to_its_end(outcome.stop) || OntoBall::new(self.domain, self.corners, &positions).is_err() {
+                continue;
+            }
+            let from = Outcome { positions, ..outcome.clone() };
+            let settled = self.settle_onto_ball(from, usize::MAX, settings, observe)?;
+            let k_of_settled = self.certified_onto_ball(&settled.positions, settings);
+            if k_of_settled < k {
+                (outcome, k) = (settled, k_of_settled);
             }
         }
         if outcome.stop == StopReason::Converged && outcome.positions == start {

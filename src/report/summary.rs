@@ -179,20 +179,21 @@ fn refined_line(columns: usize, achieved: &Achieved) -> String {
     let added = rounds.last().map_or(0, |round| round.tets.saturating_sub(*tets_before));
     let flipped: usize = rounds.iter().map(|round| round.flipped).sum();
     let flipped = if flipped > 0 { format!(", {flipped} tet{} flipped", s(flipped)) } else { String::new() };
-    let (what, settled) = match achieved.last.ball_k.filter(|_| *surface) {
-        Some(k) => ("K onto the ball", k.certified),
-        None => ("max K", achieved.last.max_k),
+    let (what, settled) = match *surface {
+        true => ("K onto the ball", achieved.last.ball_k.map(|k| k.certified)),
+        false => ("max K", Some(achieved.last.max_k)),
     };
     let reached = match (rounds.first(), rounds.last()) {
         (Some(first), Some(last)) => {
             let before = max_k_before.map(|k| format!("{} before, ", number(k))).unwrap_or_default();
+            let settled = settled.map(|k| format!(", {} once settled", number(k))).unwrap_or_default();
             let [first, last] = [first.max_k, last.max_k].map(number);
-            let settled = number(settled);
-            format!(", {what} {before}{first} after the first, {last} after the last, {settled} once settled")
+            format!(", {what} {before}{first} after the first, {last} after the last{settled}")
         }
         _ => String::new(),
     };
-    let gained = max_k_before.map_or(1.0, |before| before / settled);
+    let least = settled.or(rounds.last().map(|round| round.max_k));
+    let gained = max_k_before.zip(least).map_or(1.0, |(before, least)| before / least);
     let nothing = match rounds.last() {
         Some(_) if gained >= GAINED => "",
         None => "",

@@ -195,6 +195,11 @@ impl Files {
                 }
             }
         }
+        for name in [HALVED, FLIPPED].into_iter().filter(|name| !again.path().join(name).exists()) {
+            findings.expect(!folder.join(name).exists(), || {
+                format!("{name} is there, but it has no row of this run: take it out of the folder")
+            });
+        }
         if self.report.revision != Report::REVISION {
             findings.trust(format!(
                 "that the program that wrote the folder, {} of revision {}, is the one it calls itself",

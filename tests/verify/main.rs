@@ -203,6 +203,12 @@ const TAMPERINGS: &[Tampering] = &[
     ("the trace in its middle", |f| edit_cell(f, "trace.csv", 9, 2, |_| "0.5".into()), "trace_hash is"),
     ("a file too much", |f| fs::write(f.join("proof.txt"), "it is").unwrap(), "proof.txt is no file of a run"),
     (
+        "halvings of another run",
+        |f| fs::write(f.join("refined.csv"), "x\n").unwrap(),
+        "refined.csv is there, but it has",
+    ),
+    ("flips of another run", |f| fs::write(f.join("flipped.csv"), "x\n").unwrap(), "flipped.csv is there, but it has"),
+    (
         "a second K on the cells",
         |f| {
             edit_text(f, "image.vtu", |text| {

@@ -107,13 +107,10 @@ impl Warped<'_> {
             let least = found.max_k.unwrap_or(f64::INFINITY);
             warped.tell(&mut of_search, &plain, ("from the search", least.ln(), 1.0, seconds), observe);
             let settled = warped.settle_onto_ball(of_search.clone(), usize::MAX, settings, observe)?;
-            // Points of the tets are what it went by, and in wide ones K is larger between them. After a signal that is not known.
-            let is_known = !settings.cancel.is_raised();
-            let k_of = |image: &[Vec3]| match is_known {
-                true => warped.certified_onto_ball(image, settings),
-                false => measure(&plain, &self.restricted(image)).summary.max_k,
-            };
-            if !is_known {
+            // Points of the tets are what it went by, and in wide ones K is larger between them.
+            let judging = OptimizeSettings { cancel: settings.cancel.or_a_second_more(), ..settings.clone() };
+            let k_of = |image: &[Vec3]| warped.certified_onto_ball(image, &judging);
+            if is_interrupted {
                 k = k_of(&outcome.positions);
             }
             for other in [settled, of_search] {
