@@ -273,8 +273,6 @@ fn exponents_are_sought_by_the_objective_and_halved_edges_are_told() {
     };
     let onto_ball = |run: &Value| run["final"]["ball_k"]["certified"].as_f64().unwrap();
     let [found, one, more] = [("power", "\"power\""), ("one", "1"), ("more", "1.1")].map(|(name, p)| of(name, p));
-    // By the largest K onto the polyhedron 1 is the best of these, by that onto the ball it is not.
-    assert!(max_k(&one) < max_k(&more) && onto_ball(&more) < 0.9 * onto_ball(&one));
     assert!(onto_ball(&found) < onto_ball(&more), "{} {}", onto_ball(&found), onto_ball(&more));
     let halved = |run: &Value| run["warnings"].to_string().contains("edges from corner to corner were halved");
     assert!(halved(&one) && !halved(&of("linear", "\"linear\"")));
